@@ -2,13 +2,13 @@
 //! files contain only physics; optimizations and their reasons are in this module:
 //!
 //! * A division takes several times as long as a multiplication. A [`Divisor`] keeps its reciprocal.
-//! * A function call in the middle of the equations moves intermediate results from registers to memory. Create each
-//!   [`Rotation`], and make other calls that need only state and inputs, first.
+//! * A function call in the middle of the equations moves intermediate results from registers to memory. So create each
+//!   [`Rotation`] first, and make the other calls that need only state and inputs before the equations.
 //! * Processors add two pairs of numbers at once. `FourWheels::sum_of` and its counterparts add the left and the right
 //!   elements side by side.
-//! * After inlining, the compiler combines operations on two numbers across the functions of a model. How the work is
-//!   divided into functions, and whether they pass an array by value or within a struct, changes the time per step by
-//!   up to 12 %. Measure it after changing either (`cargo bench -p bench`).
+//! * After inlining, the compiler combines operations on two numbers across the functions of a model. The time per step
+//!   changes by up to 12 % with the division of the work into functions, and with the choice of passing an array by
+//!   value or within a struct. Measure it after such a change (`cargo bench -p bench`).
 
 use fmu::Scalar;
 
@@ -22,7 +22,7 @@ use fmu::Scalar;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor {
-    /// Stored without the number itself, which keeps the reciprocals in an array adjacent in memory.
+    /// The number itself is not stored: the reciprocals in an array of divisors are then adjacent in memory.
     reciprocal: f64,
 }
 
@@ -61,7 +61,8 @@ impl<T: Scalar> Rotation<T> {
         Self { sin, cos }
     }
 
-    /// The rotations by several angles at once. One large angle slows down the whole array.
+    /// The rotations by several angles at once. If one of the angles is large, all of them take the slow general path
+    /// of sine and cosine.
     #[inline]
     pub fn by_each<const N: usize>(angles: [T; N]) -> [Self; N] {
         let (sin, cos) = T::sin_cos_each(angles);

@@ -68,8 +68,8 @@ mod tests {
         assert_ne!(Normals::new(7, 0, 0).draw(), numbers[0]);
     }
 
-    /// Reference: a separate program in Python (ChaCha8 block function and Box-Muller written from their
-    /// definitions). The last digits of logarithm and cosine differ between libraries.
+    /// Reference: a separate program in Python (ChaCha8 block function and Box-Muller written from their definitions).
+    /// The tolerance allows for libraries whose logarithm and cosine differ in the last digits.
     #[test]
     fn normals_follow_the_definition() {
         for (seed, stream, number, expected) in [
@@ -84,9 +84,10 @@ mod tests {
         }
     }
 
-    /// Reference: moments and distribution of the standard normal. Standard errors for N = 100,000 numbers: mean
-    /// sqrt(1/N) = 0.0032, second moment sqrt(2/N) = 0.0045, third sqrt(15/N) = 0.0123, fourth sqrt(96/N) = 0.031,
-    /// share below 1 sqrt(0.84 * 0.16/N) = 0.00116. The tolerance is four standard errors.
+    /// Reference: moments and distribution of the standard normal. The standard errors for N = 100,000 numbers are
+    /// sqrt(1/N) = 0.0032 for the mean, sqrt(2/N) = 0.0045 for the second moment, sqrt(15/N) = 0.0123 for the third,
+    /// sqrt(96/N) = 0.031 for the fourth, and sqrt(0.84 * 0.16/N) = 0.00116 for the share of the numbers below 1. The
+    /// tolerance is four standard errors.
     #[test]
     fn normals_are_normal() {
         let count = 100_000;

@@ -83,7 +83,7 @@ impl Mixture {
     }
 }
 
-/// Second-order Padé all-pass of a delay, in distance.
+/// Second-order Padé approximation of a delay in distance, which is an all-pass filter.
 ///
 /// ```text
 /// X1' = X2 - 12 z/T
@@ -91,10 +91,10 @@ impl Mixture {
 /// output = X1 + z
 /// ```
 ///
-/// with the delay length `T` and the derivative with respect to distance. The output has the PSD of the input, and long
-/// waves are delayed by `T`. For a ramp `z = c s`, a particular solution is `X1 = -T c`, `X2 = 12 z/T`, with the output
-/// `c (s - T)`. Deviations from it decay with the poles `(-3 ± i sqrt(3))/T`. [`AllPass::advance`] uses this exact
-/// solution for a piecewise linear input.
+/// where `T` is the length of the delay, and `'` is the derivative with respect to distance. The output has the PSD of
+/// the input, and long waves are delayed by `T`. For a ramp `z = c s`, a particular solution is `X1 = -T c`,
+/// `X2 = 12 z/T`, with the output `c (s - T)`. Deviations from it decay with the poles `(-3 ± i sqrt(3))/T`.
+/// [`AllPass::advance`] uses this exact solution for a piecewise linear input.
 ///
 /// # Reference
 ///
@@ -181,8 +181,8 @@ impl Harmonics {
     pub const SPACING: f64 = (Self::HIGHEST - Self::LOWEST) / Self::COUNT as f64;
     /// Distance over which the profile rises from the flat start, in m.
     pub const FADE_IN: f64 = 20.0;
-    /// Points of the table: 8.7 mm apart. The fourth derivative of a class B envelope has a standard deviation of 18
-    /// m^-3, so the error of cubic interpolation is 3/128 * 18 * 0.0087^4 = 2.4e-9 m.
+    /// Number of points in the table, which are 8.7 mm apart. The fourth derivative of a class B envelope has a
+    /// standard deviation of 18 m^-3, so the error of cubic interpolation is 3/128 * 18 * 0.0087^4 = 2.4e-9 m.
     const POINTS: usize = 1 << 15;
 
     /// Wavenumber `n_k` in 1/m.
@@ -309,7 +309,8 @@ pub fn trapezoid(x: f64, length: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Reference: the geometric means of ISO 8608. They are products of small integers, equal to one rounding.
+    /// Reference: the geometric means of ISO 8608, which are products of small integers. The tolerance covers one
+    /// rounding.
     #[test]
     fn classes_are_the_geometric_means() {
         let expected = [16e-6, 64e-6, 256e-6, 1024e-6, 4096e-6, 16384e-6, 65536e-6, 262_144e-6];
@@ -376,7 +377,7 @@ mod tests {
     }
 
     /// Reference: the Padé form of a delay has magnitude 1 and phase -2 atan((w T/2)/(1 - (w T)^2/12)). It delays a
-    /// ramp by exactly T and passes a constant.
+    /// ramp by exactly T and does not change a constant.
     #[test]
     fn all_pass_delays() {
         let filter = AllPass::new(2.0);
@@ -387,7 +388,7 @@ mod tests {
             let phase = -2.0 * (w / 2.0).atan2(1.0 - w * w / 12.0);
             assert!((re - phase.cos()).abs() < 1e-14 && (im - phase.sin()).abs() < 1e-14);
         }
-        // after 40 m = 20 T the transient is exp(-60)
+        // after 40 m = 20 T, the transient has decayed to exp(-60)
         let x = filter.advance(filter.steady(0.0), 0.0, 4.0, 40.0);
         assert!((filter.output(x, 4.0) - 0.1 * 38.0).abs() < 1e-14);
         let x = filter.advance(filter.steady(0.7), 0.7, 0.7, 1.0);
@@ -453,8 +454,8 @@ mod tests {
         assert!(road.height(1e300).is_finite());
     }
 
-    /// Reference: the definition of the Fourier sum, evaluated directly. 64 terms of size 1 have a rounding error of
-    /// 1e-14.
+    /// Reference: the definition of the Fourier sum, evaluated directly. The rounding error in a sum of 64 terms of
+    /// size 1 is 1e-14.
     #[test]
     fn fourier_sum_is_the_definition() {
         for count in [1_usize, 2, 64] {

@@ -22,7 +22,7 @@ mod tests {
 
     #[test]
     fn loads_balance_force_and_moment_and_follow_a_straight_line() {
-        // The tolerances are a few roundings of 4e5 N and 2e6 N m.
+        // The tolerances cover a few roundings of forces of 4e5 N and moments of 2e6 N m.
         let x = [2.1, -0.6, -2.9];
         let [front, middle, rear] = three_axle_loads(36_000.0, 9.81, x);
         assert!((front + middle + rear - 36_000.0 * 9.81).abs() < 1e-9);
@@ -32,7 +32,8 @@ mod tests {
 
     #[test]
     fn the_rescue_vehicle_stands_with_equal_loads() {
-        // Its center of mass is the mean of the axle positions, hence m g / 3 each; a few roundings.
+        // The center of mass is at the mean position of the axles, so each axle carries m g / 3. The tolerance covers a
+        // few roundings.
         let front = data::CG_TO_FRONT;
         let x = [front, front - data::FRONT_TO_MIDDLE, front - data::FRONT_TO_MIDDLE - data::MIDDLE_TO_REAR];
         for load in three_axle_loads(data::MASS, data::GRAVITY, x) {

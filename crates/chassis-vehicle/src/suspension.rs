@@ -2,7 +2,7 @@
 
 use fmu::Scalar;
 
-/// Force of a linear spring and damper in parallel, pushing the body up and the wheel down: F = -k d - c dd, N.
+/// Force in newtons of a linear spring and damper in parallel: F = -k d - c dd. It pushes the body up, the wheel down.
 ///
 /// `k`: stiffness in N/m, `c`: damping in N s/m, both >= 0; `d`: suspension deflection in m, `dd`: its rate in m/s.
 #[inline]
@@ -10,7 +10,7 @@ pub fn spring_damper<T: Scalar>(k: f64, c: f64, d: T, dd: T) -> T {
     -d * k - dd * c
 }
 
-/// Load of a tire modeled as a linear spring, compressive force on the road: N = N_0 - k t, N.
+/// Load in newtons (compressive force on the road) of a tire that is modeled as a linear spring: N = N_0 - k t.
 ///
 /// `at_rest`: N_0 in N; `k`: vertical stiffness in N/m, > 0; `t`: tire deflection in m. With `lift_off`, the load is 0
 /// where the spring would pull, because the tire is in the air.
@@ -20,9 +20,11 @@ pub fn tire_load<T: Scalar>(at_rest: f64, k: f64, t: T, lift_off: bool) -> T {
     if lift_off { Scalar::max(load, T::from(0.0)) } else { load }
 }
 
-/// Right minus left tire loads, divided by their sum: 0 at rest, 1 when the left tires lift off in a left turn.
+/// Load transfer ratio: the right minus the left tire loads, divided by the sum of all tire loads. It is 0 at rest, and
+/// 1 when the left tires lift off in a left turn.
 ///
-/// `left`, `right`: sums of the tire loads in N. A vehicle in the air (a sum not above 1 N) has the ratio 0.
+/// `left`, `right`: sums of the tire loads in N. If all loads together are at most 1 N (the vehicle is in the air), the
+/// ratio is 0.
 #[inline]
 pub fn load_transfer_ratio<T: Scalar>(left: T, right: T) -> T {
     let least = T::from(1.0);

@@ -4,8 +4,8 @@
 //!
 //! The first line contains the column names, every further line a row of finite numbers. Blank lines and lines that
 //! start with `#` are skipped. Spaces around a field are ignored. A byte order mark and Windows line ends are accepted.
-//! Quotes are not. A [`Table`] requires an abscissa (time or distance) that increases strictly; [`Columns`] have no
-//! abscissa.
+//! Quoted fields are rejected. A [`Table`] requires an abscissa (time or distance) that increases strictly; [`Columns`]
+//! have no abscissa.
 //!
 //! The path is untrusted input: only regular files of limited size are read, and an error message contains the position
 //! of the problem, never the content of the file.
@@ -86,14 +86,16 @@ impl Columns {
     ///
     /// # Errors
     ///
-    /// If a column is missing, unknown or given twice, there is no row, a row has another length than the header, or a
-    /// field is not a finite number. The message contains path, line and column, but not the content of the file.
+    /// If a column is missing, unknown or given twice, there is no row, a row does not have as many fields as the
+    /// header, or a field is not a finite number. The message contains path, line and column, but not the content of
+    /// the file.
     pub fn parse(text: &str, path: &str, names: &[&str]) -> Result<Self, String> {
         let expected = format!("`{}`", names.join("`, `"));
         Self::read(text, path, names, &expected, |found| found.len() == names.len())
     }
 
-    /// Reads those of the `known` columns that the file has. `is_complete` decides whether their names are sufficient.
+    /// Reads the `known` columns that are in the file. `is_complete` decides whether the names of these columns are
+    /// sufficient.
     fn read(
         text: &str,
         path: &str,
@@ -190,12 +192,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table. `path` only appears in messages. The column `abscissa` is required. `columns` are optional, at
-    /// least one of them must be there; [`Table::at`] counts them in this order.
+    /// Reads a table. `path` only appears in messages. The column `abscissa` is required. The file must contain at
+    /// least one of the `columns`; [`Table::at`] counts them in this order.
     ///
     /// # Errors
     ///
-    /// Those of [`Columns::parse`], and an abscissa that does not increase.
+    /// In the same cases as [`Columns::parse`], and if the abscissa does not increase.
     pub fn parse(text: &str, path: &str, abscissa: &str, columns: &[&str]) -> Result<Self, String> {
         let known: Vec<&str> = std::iter::once(abscissa).chain(columns.iter().copied()).collect();
         let expected = format!("`{abscissa}` and any of `{}`", columns.join("`, `"));
@@ -211,7 +213,7 @@ impl Table {
         Ok(Self { abscissa: points, columns: values, content_hash })
     }
 
-    /// The abscissa of the rows, strictly increasing, at least one.
+    /// The values of the abscissa: at least one, strictly increasing.
     pub fn abscissa(&self) -> &[f64] {
         &self.abscissa
     }
@@ -236,7 +238,7 @@ impl Table {
         })
     }
 
-    /// Index of the first row after `x`, or the number of rows if there is none.
+    /// Index of the first row after `x`, or the number of rows if there is no such row.
     pub fn next_row(&self, x: f64) -> usize {
         self.abscissa.partition_point(|point| *point <= x)
     }
@@ -247,8 +249,8 @@ impl Table {
     }
 }
 
-/// FNV-1a hash (64 bit) of a file's content. A model compares it to reject a saved FMU state that was made with other
-/// content. The hash is not cryptographic: it guards against mistakes, not against tampering.
+/// FNV-1a hash (64 bit) of a file's content. A model saves it in the FMU state, and rejects a saved state that was made
+/// with a different file. The hash is not cryptographic: it guards against mistakes, not against tampering.
 ///
 /// # Reference
 ///

@@ -15,7 +15,7 @@ pub fn linear<T: Scalar>(c: f64, alpha: T) -> T {
 
 /// F_y = -mu N tanh(C alpha / (mu N)) for several tires at once: the linear law with its force limited by friction.
 ///
-/// `mu_n`: friction coefficient times tire load in N; the force is 0 where it is not above 1 N (a tire in the air).
+/// `mu_n`: friction coefficient times tire load in N. If `mu_n` is at most 1 N (a tire in the air), the force is 0.
 #[inline]
 pub fn saturating_each<T: Scalar, const N: usize>(c: [f64; N], mu_n: [T; N], alpha: [T; N]) -> [T; N] {
     let least = T::from(1.0);
@@ -60,7 +60,8 @@ impl MagicFormula {
         let n = load.map(|load| Scalar::max(load, zero) * 1e-3);
         let peak: [T; N] = from_fn(|i| mu[i] * (n[i] * n[i] * a1 + n[i] * a2));
         let d = peak.map(|peak| Scalar::max(peak, least));
-        // B x without the factor sin(a4 atan(a5 N)): it takes as long as this division, and both run at the same time.
+        // B x without the factor sin(a4 atan(a5 N)), whose computation takes as long as this division. Both run at the
+        // same time.
         let rest: [T; N] = from_fn(|i| alpha[i] * (180.0 / std::f64::consts::PI * a3 / self.c) / d[i]);
         let e = n.map(|n| n * n * a6 + n * a7 + a8);
         let stiffness = T::sin_each(T::atan_each(n.map(|n| n * a5)).map(|angle| angle * a4));
@@ -120,7 +121,8 @@ mod tests {
 
     #[test]
     fn the_saturating_law_has_the_linear_slope_and_the_friction_limit() {
-        // Closed forms: slope C at the origin (relative error alpha^2 (C/(mu N))^2 / 3 = 1e-9), limit mu N.
+        // Closed forms: the slope at the origin is C (with a relative error of alpha^2 (C/(mu N))^2 / 3 = 1e-9), the
+        // limit is mu N.
         let slope = -saturating(3e5, 4e4, 1e-5) / 1e-5;
         assert!((slope / 3e5 - 1.0).abs() < 2e-9, "{slope}");
         assert_eq!(saturating(3e5, 4e4, -10.0), 4e4);
@@ -134,7 +136,7 @@ mod tests {
 
     #[test]
     fn the_magic_formula_gives_the_reference_forces() {
-        // Computed by an independent implementation, printed with 6 decimals.
+        // These values were computed by an independent implementation and printed with 6 decimals.
         let numbers = [
             (0.02, 4817.14, -1206.443245),
             (-0.05, 3153.49, 2174.795431),
@@ -188,7 +190,8 @@ mod tests {
 
     #[test]
     fn dugoff_gives_the_reference_forces() {
-        // Computed by an independent implementation and compared to the last printed digit.
+        // The expected values were computed by an independent implementation; they are compared to their last printed
+        // digit.
         let near = |actual: f64, expected: f64, tolerance: f64| {
             assert!((actual - expected).abs() <= tolerance, "{actual} {expected}");
         };
@@ -218,7 +221,8 @@ mod tests {
 
     #[test]
     fn dugoff_is_finite_and_continuous_at_its_edges() {
-        // In the air, without friction, rolling freely, locked: closed forms 0 and mu F_z.
+        // Closed forms: the force is 0 in the air, without friction and without slip; the force on a locked wheel is mu
+        // F_z.
         assert_eq!(dugoff([0.0, 0.0], 0.0, -1.0, 0.3), [0.0, 0.0]);
         assert_eq!(dugoff([6e4, 4e4], 0.0, 0.0, 0.0), [0.0, 0.0]);
         assert_eq!(dugoff([6e4, 4e4], -5.0, 0.1, 0.1), [0.0, 0.0]);

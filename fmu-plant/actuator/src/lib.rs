@@ -67,7 +67,7 @@ impl Continuous for Actuator {
     }
     fn advance(&self, at: At<f64, Self>, step: f64) -> X<f64> {
         let (x, u) = (at.state.x, at.inputs.u);
-        // At the greatest rate until the error is r T, then the lag.
+        // The value changes at the greatest rate until the error is r T, and then follows the lag.
         let target = within(self, u);
         let e = target - x;
         let h_r = (e.abs() / self.r - self.t).max(0.0);

@@ -33,12 +33,12 @@ fn run(p: &Actuator, h: f64, count: usize, u: impl Fn(f64) -> f64) -> Vec<(f64, 
         .collect()
 }
 
-/// Tolerance for the rounding in a few hundred exact steps with numbers of order 1 to 10.
+/// Tolerance for rounding in a few hundred steps, which are exact otherwise, with numbers of order 1 to 10.
 const ROUNDING: f64 = 1e-13;
 
 #[test]
 fn a_step_rises_with_the_time_constant() {
-    // A (1 - exp(-t/T)) at every communication point, for any step size.
+    // The value is A (1 - exp(-t/T)) at every communication point, for any step size.
     let p = Actuator { t: 0.05, ..Actuator::default() };
     for h in [1e-4, 1e-3, 0.013, 0.5] {
         for (t, x) in run(&p, h, 400, |_| 2.0) {
@@ -64,7 +64,7 @@ fn a_limited_rate_is_a_ramp_and_then_the_lag() {
 
 #[test]
 fn a_small_step_does_not_reach_the_greatest_rate() {
-    // A <= r T
+    // Because A <= r T, the lag acts from the start.
     let p = Actuator { t: 0.05, r: 4.0, ..Actuator::default() };
     for (t, x) in run(&p, 1e-3, 300, |_| 0.2) {
         assert!((x - 0.2 * (1.0 - (-t / p.t).exp())).abs() < ROUNDING);
@@ -74,7 +74,7 @@ fn a_small_step_does_not_reach_the_greatest_rate() {
 #[test]
 fn the_range_limits_the_command_without_windup() {
     let p = Actuator { t: 0.05, x_min: -0.5, x_max: 1.5, ..Actuator::default() };
-    // A command of 7 from 0 s and -7 from 1 s acts like 1.5 and -0.5.
+    // A command of 7 from 0 s on acts like 1.5, and a command of -7 from 1 s on acts like -0.5.
     for (t, x) in run(&p, 1e-3, 2000, |t| if t < 0.9995 { 7.0 } else { -7.0 }) {
         let at_one = 1.5 * (1.0 - (-1.0 / p.t).exp());
         let expected =
@@ -86,8 +86,8 @@ fn the_range_limits_the_command_without_windup() {
 
 #[test]
 fn a_ramp_is_delayed_by_the_time_constant() {
-    // The command is held over a step, so its staircase lags by h/2: x = a (t - (T + h/2)(1 - exp(-t/T))) up to h^2/(12
-    // T).
+    // The command is held over each step, so it lags behind the ramp by h/2 on average: x = a (t - (T + h/2)(1 -
+    // exp(-t/T))), with an error of at most h^2/(12 T).
     let p = Actuator { t: 0.05, r: 4.0, ..Actuator::default() };
     let (a, h) = (3.0, 1e-4);
     for (t, x) in run(&p, h, 5000, |t| a * t) {
@@ -103,7 +103,7 @@ fn with_the_least_time_constant_the_value_follows_at_once() {
     for (k, (_, x)) in run(&fast, 1e-3, 10, |t| 1e3 * t).into_iter().enumerate().skip(1) {
         assert_eq!(x, 1e3 * ((k - 1) as f64 * 1e-3));
     }
-    // The rate limit alone: 4/s up to 0.5 at 0.125 s.
+    // Only the rate limit acts: the value rises at 4/s, up to 0.5 at 0.125 s.
     for (t, x) in run(&p, 1e-3, 200, |_| 0.5) {
         assert!((x - (4.0 * t).min(0.5)).abs() < 4e-6 + ROUNDING, "{t} s: {x}");
     }
@@ -169,8 +169,8 @@ fn the_instance_gives_the_bits_of_the_equations() {
 
 proptest! {
     /// The exact step solves the differential equation: its derivative with respect to the step size is x' at its end,
-    /// and two partial steps give the result of one. The tolerances cover the rounding of numbers up to 10 and of
-    /// slopes up to 20/T.
+    /// and two partial steps give the result of one. The tolerances cover the rounding of values up to 10 and of slopes
+    /// up to 20/T.
     #[test]
     fn the_step_is_the_solution(
         x in -10.0..10.0_f64, u in -20.0..20.0_f64, t in 1e-3..1.0_f64, r in 0.1..100.0_f64, h in 1e-5..2.0_f64, part in 0.01..0.99_f64,
@@ -180,7 +180,7 @@ proptest! {
         let first = advance(&p, x, u, part * h);
         let second = advance(&p, first, u, (1.0 - part) * h);
         prop_assert!((whole - second).abs() < ROUNDING);
-        // The derivative of the closed form, by a dual number.
+        // The derivative of the closed form, computed with a dual number.
         let e = u.clamp(-10.0, 10.0) - x;
         let h_r = (e.abs() / r - t).max(0.0);
         let slope = if h < h_r {

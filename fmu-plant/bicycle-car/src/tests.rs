@@ -94,7 +94,7 @@ fn steady_state_is_the_closed_form() {
     assert_printed(x.phi / y.a_y, 0.010781194, 1e-9);
     assert!((y.ratio / y.a_y - 2.0 * 0.55 / (9.81 * 1.5)).abs() < 1e-15);
     assert_eq!(y.u, SPEED);
-    // The path is a circle: its center does not move.
+    // The path is a circle, whose center does not move.
     let radius = (SPEED * SPEED + x.v * x.v).sqrt() / x.r;
     let center = |x: &X<f64>| {
         let course = x.psi + x.v.atan2(SPEED);
@@ -144,8 +144,8 @@ fn rises(signal: &[f64], level: f64, from: usize) -> f64 {
     (k as f64 + (level - signal[k - 1]) / (signal[k] - signal[k - 1])) * 1e-3
 }
 
-/// Reference values for a ramp to 0.02 rad within 0.1 s, starting at 1 s, at 80 km/h. The steering angle in a row was
-/// held during the step before it.
+/// Reference values for a ramp to 0.02 rad within 0.1 s, starting at 1 s, at 80 km/h. Each row contains the steering
+/// angle that was held during the preceding step.
 #[test]
 fn step_response_has_the_metrics_of_the_specification() {
     let mut run = ContinuousSimulation::new(BicycleCar::default()).unwrap();
@@ -180,7 +180,7 @@ fn step_response_has_the_metrics_of_the_specification() {
 }
 
 /// At small slip angles, the saturating tire has the same slope as the linear tire. The relative difference between
-/// tanh(x) and x is x^2/3, which is 1e-8 for alpha = 1e-5 rad and C/(m F_z) = 15 1/rad.
+/// tanh(x) and x is x^2/3, which is 1e-8 for alpha = 1e-5 rad and C/(mu F_z) = 15 1/rad.
 #[test]
 fn saturating_tires_start_with_the_cornering_stiffness() {
     let linear = BicycleCar::default();
@@ -192,8 +192,8 @@ fn saturating_tires_start_with_the_cornering_stiffness() {
     assert_ne!(a.r, b.r);
 }
 
-/// The greatest lateral acceleration is friction times gravity, reached to 1 - 2 e^-2x for a large argument x of tanh.
-/// The friction of the road is a factor.
+/// The greatest lateral acceleration is the product of gravity and the friction coefficients of tire and road. At a
+/// large argument x of tanh, a share of 1 - 2 e^-2x of this product is reached.
 #[test]
 fn saturating_tires_hold_no_more_than_the_friction() {
     let p = BicycleCar { mu_0: 0.9, ..BicycleCar::default() };
@@ -218,7 +218,7 @@ fn below_the_minimum_speed_slip_angles_are_computed_with_the_minimum_speed() {
     assert_eq!([rest.a_y, rest.rd, rest.beta], [floor.a_y, floor.rd, floor.beta]);
     assert_eq!(rest.u, 0.0);
     assert_ne!(above.a_y, floor.a_y);
-    // From the formula: F = -C ((v +- a r)/0.5 - delta).
+    // Expected forces from the formula F = -C ((v +- a r)/0.5 - delta), where 0.5 is the minimum speed.
     let [f_f, f_r] = [-90e3 * ((0.1 + 1.2 * 0.2) / 0.5 - 0.01), -110e3 * ((0.1 - 1.5 * 0.2) / 0.5)];
     assert!((rest.a_y - (f_f + f_r) / 1500.0).abs() < 1e-12);
     assert!((rest.rd - (1.2 * f_f - 1.5 * f_r) / 2500.0).abs() < 1e-12);

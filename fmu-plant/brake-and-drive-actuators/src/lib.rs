@@ -13,7 +13,7 @@ use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Symbols as in the paper, where it has one. All values are assumed.
+/// The symbols are those of the paper, if it has a symbol for the parameter. All values are assumed.
 #[derive(Parameters, Clone, Debug)]
 pub struct BrakeAndDriveActuators {
     /// F_pedal: force of the driver's foot on the fully pressed brake pedal

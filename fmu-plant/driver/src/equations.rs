@@ -14,8 +14,8 @@ const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "
 /// Fraction of a period by which rounding may shift the end of the sweep from a zero crossing.
 const SLACK: f64 = 1e-6;
 
-/// Returns true if an output can depend on a parameter. An output depends on the parameters with its prefix, and on
-/// those that select the maneuver and the file.
+/// Returns true if an output can depend on a parameter. An output depends on the parameters with its prefix, and on the
+/// parameters that select the maneuver and the file.
 pub(crate) fn influence(output: &str, parameter: &str) -> bool {
     let subject = |name| output.strip_prefix("driver.") == Some(name);
     match parameter.split_once('.') {
@@ -168,7 +168,7 @@ mod tests {
         derived(p, None).unwrap_err()
     }
 
-    /// The maneuvers that steer by formula, with the start values of their parameters.
+    /// The maneuvers whose steering angle is a formula, with the start values of their parameters.
     fn maneuvers() -> [Driver; 6] {
         [
             Maneuver::RampStep,
@@ -201,9 +201,9 @@ mod tests {
         }
     }
 
-    /// Reference: "Multiobjective Synchronous Control of Heavy-Duty Vehicles" (2022): angle step of 0.1 rad in 0.2 s
-    /// at 1 s; serpentine 0.1 sin(2 pi (u/100)(t - 1)) between cones 50 m apart. The rounding of the angle (a few times
-    /// 2 pi) is below 1e-14.
+    /// Reference: "Multiobjective Synchronous Control of Heavy-Duty Vehicles" (2022): angle step of 0.1 rad in 0.2 s at
+    /// 1 s; serpentine 0.1 sin(2 pi (u/100)(t - 1)) between cones 50 m apart. The rounding error of the phase (a few
+    /// times 2 pi) is below 1e-14.
     #[test]
     fn heavy_vehicle_maneuvers() {
         let step = Driver::default();
@@ -248,8 +248,8 @@ mod tests {
         }
     }
 
-    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak; a piecewise closed form, to the
-    /// rounding of the time.
+    /// Reference: UN Regulation No. 140, a sine of 0.7 Hz that is held at its second peak for half a second. The
+    /// expected angle is a piecewise closed form; the tolerance covers the rounding of the time.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
         let p = Driver { maneuver: Maneuver::SineWithDwell, ..Driver::default() };
@@ -287,7 +287,8 @@ mod tests {
         }
     }
 
-    /// The sweep does not steer before its start, although its phase, a parabola in time, is also positive long before.
+    /// The sweep does not steer before its start, although its phase, a parabola in time, is also positive long before
+    /// the start.
     #[test]
     fn sweep_does_not_steer_before_its_start() {
         let p = Driver { maneuver: Maneuver::SineSweep, t_0: 10.0, ..Driver::default() };
@@ -297,7 +298,8 @@ mod tests {
         assert!(steer(&p, 10.1) > 0.0);
     }
 
-    /// At Unix times, a unit in the last place is 0.24 us. A step still begins in its intended sample, not before.
+    /// Times may be Unix times, whose last binary digit is 0.24 us. A step then still begins in its intended sample,
+    /// not in an earlier one.
     #[test]
     fn steps_begin_in_their_sample_at_large_times() {
         for begin in [1e7, 1e9, 1.7e9] {
@@ -325,8 +327,8 @@ mod tests {
         assert_eq!(steer(&p, 21.0 + 1e-9), 0.0);
     }
 
-    /// No maneuver jumps with the start values. The largest slope is (A + A2)/D2 = 0.5 rad/s in the fishhook and
-    /// 2 pi 4 Hz A = 2.5 rad/s in the sweep.
+    /// With the start values, no maneuver makes the steering angle jump. The largest slope is (A + A2)/D2 = 0.5 rad/s
+    /// in the fishhook and 2 pi 4 Hz A = 2.5 rad/s in the sweep.
     #[test]
     fn maneuvers_are_continuous() {
         for p in maneuvers() {
@@ -407,7 +409,7 @@ mod tests {
         assert_eq!([1.999, 2.0].map(|t| sample(&p, &d, t).speed), [10.0, 20.0]);
     }
 
-    /// A table replaces the outputs of its columns; the others keep their ramps.
+    /// A table replaces the outputs for which it has a column; the other outputs keep their ramps.
     #[test]
     fn table_replaces_what_it_has() {
         let table = parse_table("time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n", "a.csv").unwrap();

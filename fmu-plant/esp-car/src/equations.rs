@@ -55,7 +55,8 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     let wheelbase = p.a + p.b;
     let f_z0 = [p.b, p.a].map(|lever| m * p.g * lever / (2.0 * wheelbase));
     let s_1 = -p.m_s * e;
-    // [[m, c], [c, i + m_s H^2]]: never singular, because m includes the wheels, which do not rotate with the body.
+    // The matrix [[m, c], [c, i + m_s H^2]] is never singular, because m includes the wheels, which do not rotate with
+    // the body.
     let c = p.m_s * p.h_b;
     let inverse = |c: f64, i: f64| {
         let i = i + p.m_s * p.h_b * p.h_b;
@@ -228,7 +229,8 @@ fn body<T: Scalar>(p: &EspCar, d: &D, x: &X<T>, f_s: &FourWheels<T>, f: &Forces<
     let q = right_side(p, d, x, f_s, f);
     let m = mass_matrix(p, d, x);
     // The blocks of (ud, thetadd) and (vd, phidd) are constant and coupled only through rd, so they are eliminated
-    // first. `free` are their accelerations for rd = 0, and `back` is the decrease per rd.
+    // first. `free` contains their accelerations for rd = 0, and `back` the decrease of these accelerations per unit of
+    // rd.
     let times = |block: &[[f64; 2]; 2], w: [T; 2]| block.map(|row| w[0] * row[0] + w[1] * row[1]);
     let dot = |v: [T; 2], w: [T; 2]| v[0] * w[0] + v[1] * w[1];
     let (with_u, with_v) = ([m.ur, m.rtheta], [m.vr, m.rphi]);

@@ -13,7 +13,7 @@ use chassis_vehicle::data::esp_car as data;
 use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
-/// Symbols as in the paper, where it has one.
+/// The symbols are those of the paper, if it has a symbol for the parameter.
 #[derive(Parameters, Clone, Debug)]
 pub struct EspCar {
     /// m_s (paper, Table 6)
@@ -208,22 +208,22 @@ pub struct D {
     /// Tire load at rest
     #[var("tire.static_load", unit = "N", display = "kN")]
     f_z0: FourWheels<f64>,
-    /// m_U: all wheels, kg.
+    /// m_U: mass of all wheels, kg.
     m_w: f64,
-    /// Body's center of mass ahead of the reference point, m.
+    /// Distance of the body's center of mass ahead of the reference point, m.
     e: f64,
     /// Height of the roll axis, m.
     h_ra: f64,
     /// S_1: moment of the wheels' masses about the reference point, kg m.
     s_1: f64,
-    /// Center of the wheels' masses ahead of the reference point, m.
+    /// Distance of the center of the wheels' masses ahead of the reference point, m.
     x_w: f64,
     /// Longitudinal and lateral position of each wheel, m.
     x: [f64; 4],
     y: [f64; 4],
-    /// Wheels about the vertical axis through the reference point, kg m2.
+    /// Moment of inertia of the wheels about the vertical axis through the reference point, kg m2.
     i_w: f64,
-    /// F_z0 of each wheel.
+    /// F_z0: load of each tire at rest.
     static_load: [Divisor; 4],
     m_s: Divisor,
     m_u: [Divisor; 2],

@@ -52,7 +52,7 @@ fn simulated(p: &EspCar, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
     run.state()
 }
 
-/// The Jacobian matrix of outputs or derivatives with respect to state and inputs, exact by dual numbers.
+/// The Jacobian matrix of outputs or derivatives with respect to state and inputs, computed exactly with dual numbers.
 fn linearized(p: &EspCar, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
     let d = derived(p);
     let (x, u) = (x.reals(), u.reals());
@@ -97,7 +97,7 @@ fn the_geometry_has_the_reference_values() {
 
 #[test]
 fn a_raised_road_raises_the_car() {
-    // The tolerance is the rounding of 1e3 N on 35 kg.
+    // The tolerance covers the rounding of forces of 1e3 N that act on a mass of 35 kg.
     let p = EspCar::default();
     let x = X { z: 0.01, z_u: FourWheels([0.01; 4]), ..straight(&p, 0.0) };
     let u = U { z_r: FourWheels([0.01; 4]), ..U::default() };
@@ -178,7 +178,8 @@ fn energy_and_momentum_are_conserved_without_friction() {
     assert_abs_diff_eq!(first[0], 13_616.8, epsilon = 0.05);
     assert_abs_diff_eq!(first[1], 1319.68, epsilon = 5e-3);
     assert_abs_diff_eq!(first[2], 3_078.706_963, epsilon = 5e-7);
-    // Tolerance: integration error with 0.1 ms, (0.1 ms)^4 times the fifth derivative of 10 Hz motions.
+    // The tolerance covers the integration error with steps of 0.1 ms, which is (0.1 ms)^4 times the fifth derivative
+    // of motions at 10 Hz.
     assert_abs_diff_eq!(energy(&p, &d, &end) / energy(&p, &d, &start), 1.0, epsilon = 1e-10);
     for i in 0..3 {
         assert_abs_diff_eq!(last[i], first[i], epsilon = 1e-10 * 14e3);
@@ -208,8 +209,8 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Without friction, only dampers, drive and brakes change the energy. The tolerance of 1e-8 W is the rounding in
-    /// sums of terms up to 1e6 W.
+    /// Without friction, only dampers, drive and brakes change the energy. The tolerance of 1e-8 W covers the rounding
+    /// in sums of terms up to 1e6 W.
     #[test]
     fn the_energy_balance_closes(x in any_state(), u in any_inputs()) {
         let p = EspCar { c_s: TwoAxles([560.0, 400.0]), mu_0: 0.0, ..conservative() };
@@ -305,7 +306,8 @@ fn a_steady_turn_matches_the_single_track_model() {
     // Not exactly 1: smoothing the slip angles by 0.5 m/s softens the tires by 4.5e-4, and loads and body angles
     // change.
     assert_abs_diff_eq!(x.r / gain, 0.999_91, epsilon = 1e-5);
-    // Roll: balance of moments on the body and on each axle, which rolls on its tires and carries G.
+    // The roll angle follows from the balance of moments on the body and on each axle, which rolls on its tires and
+    // carries G.
     let d = derived(&p);
     let w = p.track / 2.0;
     let k = [0, 1].map(|j| 2.0 * w * w * p.k_s[j] + p.k_a[j]);
@@ -319,10 +321,11 @@ fn a_steady_turn_matches_the_single_track_model() {
     let roll = balance.lu().solve(&moments).unwrap()[0];
     assert_abs_diff_eq!(roll, 0.006_986_43, epsilon = 5e-9);
     assert_abs_diff_eq!(x.phi / y.a_y, roll, epsilon = 1e-12);
-    // Load transfer, from moments about the road: 2 h/(g track), plus the weight of the leaning body.
+    // The load transfer follows from moments about the road: 2 h/(g track), plus the weight of the leaning body.
     let transfer = (d.m * p.h + weight * roll) / (w * d.m * p.g);
     assert_abs_diff_eq!(y.ltr / y.a_y, transfer, epsilon = 1e-12);
-    // With stiff tires, whose compliance is 1e-5 of the springs' compliance: m_s H/(K_phi - m_s g H).
+    // With stiff tires, whose compliance is 1e-5 of the springs' compliance, the roll gradient is m_s H/(K_phi - m_s g
+    // H).
     let rigid = EspCar { k_t: 1e9, ..p };
     let (x, y) = steady_turn(&rigid);
     assert_abs_diff_eq!(x.phi / y.a_y, 0.003_730_5, epsilon = 1e-6);
@@ -330,7 +333,7 @@ fn a_steady_turn_matches_the_single_track_model() {
 
 #[test]
 fn the_vertical_modes_have_the_reference_values() {
-    // Frequency in Hz, and damping ratio where it is given; 60 km/h straight ahead.
+    // Frequencies in Hz, and damping ratios where the reference gives them, at 60 km/h straight ahead.
     let p = EspCar::default();
     let jacobian = linearized(&p, &straight(&p, data::SPEED), &U::default(), false);
     let poles = eigenvalues(&jacobian.view((Z, Z), (14, 14)).into_owned()).unwrap();
@@ -354,8 +357,8 @@ fn the_vertical_modes_have_the_reference_values() {
 
 #[test]
 fn constant_braking_loads_the_front_axle() {
-    // m a = -(sum T)/R while the wheels roll, where m includes their inertia. Slip, pitch and pitch rate change it by
-    // 1e-3.
+    // m a = -(sum T)/R while the wheels roll, where m includes their inertia. Slip, pitch and pitch rate change the
+    // acceleration by less than 1e-3 of its value.
     let p = EspCar { max_step: 2.5e-4, ..EspCar::default() };
     let d = derived(&p);
     let u = U { t_b: FourWheels([300.0, 300.0, 120.0, 120.0]), ..U::default() };
@@ -364,7 +367,8 @@ fn constant_braking_loads_the_front_axle() {
     let rolling = -840.0 / p.radius / (d.m + 4.0 * p.j_w / (p.radius * p.radius));
     assert_abs_diff_eq!(rolling, -2.064_83, epsilon = 5e-6);
     assert_abs_diff_eq!(y.a_x / rolling, 1.0, epsilon = 1e-3);
-    // Moments about the rear contact. After 9 s, the pitch oscillation has decayed to exp(-9).
+    // The expected load on the front axle follows from the balance of moments about the rear contact points. After 9 s,
+    // the pitch oscillation has decayed to exp(-9).
     let gain = y.f_z[0] + y.f_z[1] - 2.0 * d.f_z0[0];
     let expected = (d.m * -y.a_x * p.h + p.m_s * p.g * p.h_b * x.theta) / (p.a + p.b);
     assert_abs_diff_eq!(gain / expected, 1.0, epsilon = 1e-3);
@@ -380,14 +384,14 @@ fn a_braked_car_stops_and_stays() {
     let later = simulated(&p, &stopped, &u, 3.0);
     assert_abs_diff_eq!(later.x, stopped.x, epsilon = 1e-3);
     assert!(later.u.abs() < stopped.u.abs().max(1e-3));
-    // Slightly more than v^2/(2 mu g), because friction decreases with the sliding speed.
+    // The distance is slightly more than v^2/(2 mu g), because friction decreases with the sliding speed.
     let distance = 25.0 / (2.0 * p.mu_0 * p.g);
     assert!((1.0..1.15).contains(&(stopped.x / distance)), "{}", stopped.x);
 }
 
 #[test]
 fn a_car_in_the_air_has_no_tire_forces() {
-    // Locked in the air: stiffness, friction and 1 - |s| are 0.
+    // For a wheel that is locked in the air, stiffness, friction and 1 - |s| are all 0.
     let p = EspCar::default();
     let x = X { z_u: FourWheels([1.0; 4]), omega: FourWheels::default(), v: 1.0, ..straight(&p, 1e3) };
     let y = outputs(&p, &x, &U::default());

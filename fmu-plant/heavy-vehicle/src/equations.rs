@@ -38,12 +38,12 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     let m = p.m_b + m_u.iter().sum::<f64>();
     let b = p.b1 + p.b2;
 
-    // Roll of the quasi-static axles.
+    // Roll stiffnesses of the quasi-static axles.
     let bb = p.b1 * p.b1 + p.b2 * p.b2;
     let k_s = [0, 1].map(|group| p.k[group] * bb + p.k_a[group]);
     let k_tire = [p.k_t[0] * bb, (p.k_t[1] + p.k_t[2]) * bb];
 
-    // Beam with its wheels.
+    // Mass and pitch inertia of a beam with its wheels.
     let m_bw = p.m_beam + p.m_t[1] + p.m_t[2];
     let j_bw = p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0;
     let share = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
@@ -227,7 +227,7 @@ struct Wheels<T> {
 
 #[inline]
 fn wheels<T: Scalar>(p: &HeavyVehicle, x: &X<T>, axles: &Axles<T>) -> Wheels<T> {
-    let lever = [0.0, -p.l3 / 2.0, p.l3 / 2.0]; // of a wheel at its beam
+    let lever = [0.0, -p.l3 / 2.0, p.l3 / 2.0]; // from the trunnion to a wheel
     let wheel = |front: &FrontWheels<T>, trunnion: &Sides<T>, pitch: &Sides<T>, i: usize| {
         let side = i % 2;
         if axle_of(i) == 0 { front[side] } else { trunnion[side] + pitch[side] * lever[axle_of(i)] }

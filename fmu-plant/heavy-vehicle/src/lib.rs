@@ -160,8 +160,9 @@ pub struct U<T> {
     friction: SixWheels<T>,
 }
 
-/// State: positions, then rates, then the motion in the road plane. In the lateral model the axles have no mass, so the
-/// visible heights are outputs; the heights of the vertical model are local variables.
+/// State: positions, then rates, then the motion in the road plane. The heights of the wheels and beams are states of
+/// the vertical model only, because the axles of the lateral model have no mass. These states are therefore local
+/// variables, and both models compute the heights that importers see as outputs.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
     #[var(BODY_HEAVE)]
@@ -257,7 +258,8 @@ pub struct D {
     /// Position of each axle in front of the center of mass, and of the front struts and the beams, m.
     x: [f64; 3],
     x_s: [f64; 2],
-    /// Position of the left and the right side to the left of the center of mass, and their distance, m.
+    /// Positions of the left and the right side, as distances to the left of the center of mass, and the distance
+    /// between the sides, m.
     y: [f64; 2],
     b: f64,
     /// Lateral model, front and rear: roll stiffness of springs and bar and of the tires in N m/rad, and the share of
@@ -270,11 +272,11 @@ pub struct D {
     /// n lambda: load on a wheel position relative to the car tire of the magic formula, as a factor and as a divisor.
     share: [f64; 6],
     load_scale: [Divisor; 6],
-    /// Distance of the sides.
+    /// Distance between the sides.
     track: Divisor,
     m_b: Divisor,
     i_y: Divisor,
-    /// A front wheel.
+    /// Mass of a front wheel.
     m_t: Divisor,
     /// Mass and pitch inertia of a beam with its wheels.
     m_bw: Divisor,

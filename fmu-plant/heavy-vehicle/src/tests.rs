@@ -14,7 +14,7 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// Number of states without heading and position, on which nothing depends.
+/// Number of states except heading and position, on which nothing depends.
 const DYNAMIC: usize = 20;
 // Indices in the state and in the inputs.
 const PHI: usize = 2;
@@ -48,12 +48,12 @@ fn outputs(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &derived(p), x, u)
 }
 
-/// The values of a block with the derivatives `slopes`.
+/// The values of a block as dual numbers with the derivatives `slopes`.
 fn dual<B: Variables<f64>>(block: &B, slopes: &B) -> Vec<Dual64> {
     block.reals().into_iter().zip(slopes.reals()).map(|(value, slope)| Dual64::new(value, slope)).collect()
 }
 
-/// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
+/// The Jacobian matrices of the derivatives with respect to state and inputs, computed exactly with dual numbers.
 fn linearized(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = derived(p);
     let unit = |length: usize, j: usize| -> Vec<f64> { (0..length).map(|i| f64::from(u8::from(i == j))).collect() };
@@ -98,7 +98,7 @@ fn at_rest_nothing_moves_and_the_loads_have_the_reference_values() {
             for (i, load) in y.f_z.iter().enumerate() {
                 assert_abs_diff_eq!(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, epsilon = 5e-6);
             }
-            // The weight, to a few roundings.
+            // The sum of the tire loads is the weight, except for a few roundings.
             assert_abs_diff_eq!(y.f_z.iter().sum::<f64>(), 22_800.0 * 9.81, epsilon = 1e-9);
             assert_eq!((y.a_y, y.beta), (0.0, 0.0));
             assert_abs_diff_eq!(y.ltr, 0.0, epsilon = 1e-15);
@@ -110,8 +110,8 @@ fn at_rest_nothing_moves_and_the_loads_have_the_reference_values() {
 fn the_data_agree_with_each_other() {
     let d = derived(&HeavyVehicle::default());
     assert_eq!(d.m, data::MASS);
-    // The tire parameter of the controllers: the slope of a front wheel's force at its load at rest, exact by dual
-    // numbers. The reference values have 11 and 9 correct digits.
+    // The tire parameter of the controllers: the slope of a front wheel's force at its load at rest, computed exactly
+    // with dual numbers. The reference values have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
         let load = Dual64::from(d.f0[2 * axle]);
         -lateral_force(&HeavyVehicle::default(), &d, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
@@ -123,7 +123,7 @@ fn the_data_agree_with_each_other() {
 
 #[test]
 fn the_tire_has_the_reference_values() {
-    // One or two tires at a position; the last two loads are unusual. Printed with 3 decimals.
+    // Forces of the one or two tires at a wheel position, printed with 3 decimals. The last two loads are unusual.
     let numbers = [
         (0, 30_762.403, 0.05, -6106.468),
         (0, 30_762.403, -0.2, 20_899.004),
@@ -135,7 +135,8 @@ fn the_tire_has_the_reference_values() {
     let d = derived(&p);
     for (axle, load, alpha, force) in numbers {
         assert_abs_diff_eq!(lateral_force(&p, &d, axle, 1.0, load, alpha), force, epsilon = 5e-4);
-        // Friction and scale act at every slip angle. Powers of 2 are exact.
+        // Both friction coefficients (of the tires and of the road) scale the force at any slip angle. Their product, a
+        // power of 2, is exact.
         let slippery = HeavyVehicle { mu: 0.5, ..HeavyVehicle::default() };
         let full = lateral_force(&p, &d, axle, 1.0, load, alpha);
         assert_eq!(lateral_force(&slippery, &d, axle, 0.5, load, alpha), 0.25 * full);
@@ -316,7 +317,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// On a flat road without actuators, only the dampers change the energy of the vertical motion, and they reduce it.
-    /// The tolerance of 1e-8 W is the rounding in sums of terms up to 1e5 W.
+    /// The tolerance of 1e-8 W covers the rounding in sums of terms up to 1e5 W.
     #[test]
     fn the_energy_balance_of_the_vertical_motion_closes(x in any_state(), bars: bool) {
         let k_a = TwoAxles(if bars { [3e5, 5e5] } else { [0.0; 2] });
@@ -385,7 +386,7 @@ proptest! {
     }
 
     /// On a road with constant heights, the output velocities are the derivatives of the output heights and
-    /// deflections. Dual numbers are exact, so the tolerance is a few roundings of velocities of order 1.
+    /// deflections. Dual numbers are exact, so the tolerance only covers a few roundings of velocities of order 1.
     #[test]
     fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
         let p = HeavyVehicle::default();
@@ -432,7 +433,8 @@ fn a_standing_vehicle_does_not_respond_to_steering() {
 
 #[test]
 fn slip_angles_are_those_of_the_wheel_frame() {
-    // atan((v + x r)/u) - delta wherever the wheel rolls forwards (closed form, a few roundings).
+    // The slip angle of a wheel that rolls forward is atan((v + x r)/u) - delta (closed form, except for a few
+    // roundings).
     let p = HeavyVehicle::default();
     let x = X { v: 0.7, r: 0.3, ..X::default() };
     let u = U { u: 10.0, delta: ThreeAxles([0.3, -0.1, 0.05]), ..U::default() };
@@ -445,7 +447,7 @@ fn slip_angles_are_those_of_the_wheel_frame() {
 #[test]
 fn longitudinal_components_of_lateral_forces_turn_the_vehicle() {
     // Steered wheels with different forces left and right. Their yaw moment, computed from its definition, must equal
-    // I_z r' + I_xz phi''. The tolerance is the rounding of 1e5 N m.
+    // I_z r' + I_xz phi''. The tolerance covers the rounding of moments of 1e5 N m.
     let p = HeavyVehicle::default();
     let d = derived(&p);
     let x = X { phi: 0.01, v: -0.5, r: 0.2, z_f: FrontWheels([0.01, -0.01]), ..X::default() };
@@ -478,7 +480,7 @@ fn without_contact_or_friction_there_is_no_lateral_force() {
 
 #[test]
 fn an_actuator_pushes_the_body_up_and_the_wheel_down() {
-    // Closed forms at rest: f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m.
+    // Accelerations at rest in closed form: f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m.
     let p = with(Coupling::VerticalOnly);
     let rates = derivatives(&p, &X::default(), &U { f: Struts([1000.0, 0.0, 0.0, 0.0]), ..U::default() });
     assert_abs_diff_eq!(rates.zd, 1000.0 / p.m_b, epsilon = 1e-15);
@@ -509,13 +511,13 @@ fn inconsistent_parameters_are_rejected() {
         "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' (2.85 m), got 3 m: \
          the middle axle must be behind the center of mass"
     );
-    // D = 0 at -a2/a1 = 45.75 kN.
+    // The peak D is 0 at the load -a2/a1 = 45.75 kN.
     assert_eq!(
         message(HeavyVehicle { f_max: 50.0, ..HeavyVehicle::default() }),
         "'tire.fit_load_limit' must be a load at which the peak of the magic formula is positive, got 50 kN: the peak \
          would be -4700 N"
     );
-    // sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
+    // The limit is sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
     assert_eq!(
         message(HeavyVehicle { i_xz: -50_000.0, ..HeavyVehicle::default() }),
         "'body.roll_yaw_inertia' must be below 47431 kg.m2 in magnitude, got -50000 kg.m2: reduce it, or increase the \

@@ -18,7 +18,7 @@ use super::*;
 
 const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
 const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
-/// Number of states without heading and position, on which nothing depends.
+/// Number of states except heading and position, on which nothing depends.
 const MOVING: usize = STATES - 3;
 // Indices in the state and in the inputs.
 const GAMMA: usize = 9;
@@ -38,7 +38,7 @@ fn outputs(p: &HydroPneumaticHalfCar, x: &X<f64>, u: &U<f64>) -> Y<f64> {
 }
 
 /// The Jacobian matrices of the derivatives of the first [`MOVING`] states with respect to these states and to the
-/// inputs, driving straight ahead; exact by dual numbers.
+/// inputs when driving straight ahead, computed exactly with dual numbers.
 fn linearized(p: &HydroPneumaticHalfCar, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = derived(p);
     let (x, u) = (X::default().reals(), (U { v: speed, ..U::default() }).reals());
@@ -74,7 +74,7 @@ const LATERAL: (f64, f64) = (-9.831, 3.597);
 
 #[test]
 fn at_rest_it_stays_at_rest() {
-    // m g/2 per side, exactly.
+    // The load is exactly m g/2 on each side.
     let (p, u) = (HydroPneumaticHalfCar::default(), U::default());
     let y = outputs(&p, &X::default(), &u);
     assert_eq!(y.n.0, [7970.625; 2]);
@@ -140,7 +140,8 @@ fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
 
 #[test]
 fn exact_cancellation_leaves_the_wheels_undamped() {
-    // The zero dynamics: the wheels move against each other, undamped on their tires, +-j sqrt(k_t/m_u).
+    // In the zero dynamics, the wheels move against each other without damping on their tires. The poles are +-j
+    // sqrt(k_t/m_u).
     let p = HydroPneumaticHalfCar::default();
     let hop = (p.k_t / p.m_u).sqrt();
     assert_abs_diff_eq!(hop, 61.644, epsilon = 5e-4);
@@ -155,7 +156,7 @@ fn exact_cancellation_leaves_the_wheels_undamped() {
 #[test]
 fn the_yaw_gain_is_that_of_a_bicycle() {
     // Closed form of the linear bicycle model: v/(L + K v^2) with K = m/L (l_r/C_f - l_f/C_r) and the cornering
-    // stiffness of two tires at rest. The tolerance is the rounding of the linear solution.
+    // stiffness of two tires at rest. The tolerance covers the rounding of the linear solution.
     let p = HydroPneumaticHalfCar::default();
     let m = derived(&p).m;
     let n0 = derived(&p).n0;
@@ -190,7 +191,8 @@ fn after_ten_seconds(p: &HydroPneumaticHalfCar, u: &U<f64>) -> X<f64> {
 
 #[test]
 fn a_steady_turn_has_the_reference_values() {
-    // 0.002 rad at 70 km/h. The slowest mode (heave, 0.458 1/s) has decayed only to exp(-4.6), but is not excited.
+    // A turn with 0.002 rad at 70 km/h. The slowest mode (heave, 0.458 1/s) would have decayed only to exp(-4.6), but
+    // the turn does not excite it.
     let p = HydroPneumaticHalfCar::default();
     let u = U { delta: FrontAxle([0.002]), ..U::default() };
     let x = after_ten_seconds(&p, &u);
@@ -293,7 +295,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     /// At standstill on a flat road without actuators, only the dampers change the energy, and they reduce it. The
-    /// tolerance of 1e-9 W is the rounding in sums of terms up to 1e5 W.
+    /// tolerance of 1e-9 W covers the rounding in sums of terms up to 1e5 W.
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
         let p = HydroPneumaticHalfCar { lift_off: false, ..HydroPneumaticHalfCar::default() };
@@ -307,7 +309,7 @@ proptest! {
     }
 
     /// Vertical and lateral momentum of the whole vehicle, and angular momentum about the line on the ground under its
-    /// middle. The tolerances are roundings of forces up to 1e5 N.
+    /// middle. The tolerances cover roundings of forces up to 1e5 N.
     #[test]
     fn the_momentum_balances_close(x in any_state(), u in any_inputs(), options in any_options()) {
         let p = HydroPneumaticHalfCar { geometric: 1.0, ..options };
@@ -331,8 +333,8 @@ proptest! {
         prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).reals(), outputs(&p, &xm, &um).reals());
     }
 
-    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma, to one rounding of each
-    /// term.
+    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma. The tolerance covers one
+    /// rounding of each term.
     #[test]
     fn the_lateral_acceleration_is_that_of_the_path(x in any_state(), u in any_inputs(), p in any_options()) {
         let u = U { v: 1.0 + u.v, ..u };
@@ -403,7 +405,7 @@ fn the_path_follows_speed_and_heading() {
 #[test]
 fn a_roll_inertia_that_is_too_small_is_rejected() {
     let message = |p: HydroPneumaticHalfCar| equations::derived(&p).unwrap_err();
-    // (m_s h)^2/m = 289.8 kg m2.
+    // The limit is (m_s h)^2/m = 289.8 kg m2.
     assert_eq!(
         message(HydroPneumaticHalfCar { c: 1.0, i_x: 289.0, ..HydroPneumaticHalfCar::default() }),
         "'body.roll_axis_inertia' must be more than 289.8 kg.m2, got 289 kg.m2: the limit follows from the masses, \

@@ -245,7 +245,7 @@ pub struct X {
     n: u64,
     /// j: segment of the path that the vehicle was on.
     segment: u64,
-    /// Steering angle before delay and lag, rad; kept when the path is lost.
+    /// Steering angle before delay and lag, rad; it does not change after the path has been lost.
     raw: f64,
     /// `raw` in the last samples.
     #[var(always_finite)]

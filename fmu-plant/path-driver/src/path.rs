@@ -5,7 +5,7 @@
 //! | P, theta, kappa, s | a point with its heading, curvature and station (sum of chord lengths) |
 //! | Q | position of the vehicle |
 //! | j, q | segment from point j to j + 1; relative position of the foot of the perpendicular from Q on it |
-//! | e, psi_e | deviation: distance of Q from the path, positive to the left; heading of the vehicle minus that of the path |
+//! | e, psi_e | deviation: distance of Q from the path, positive to the left; heading of the vehicle minus heading of the path |
 //! | L_c, R | length of the clothoid and radius of the circle |
 //! | o | overlap: length by which a transition extends into the coned sections |
 //! | xi, sigma | relative length and relative offset in a transition or lane change |
@@ -22,10 +22,10 @@ use crate::{Maneuver, PathDriver};
 /// Spacing of the points of a path that is not a straight line or a table, m.
 const SPACING: f64 = 0.1;
 
-/// Maximum number of points of such a path: 100 km, 40 MB.
+/// Maximum number of points with this spacing. Such a path is 100 km long and takes 40 MB.
 const MOST_POINTS: f64 = 1e6;
 
-/// Least and greatest distance between two neighbors in a table, m.
+/// Least and greatest distance between neighboring points in a table, m.
 const DISTANCES: [f64; 2] = [1e-6, 1e9];
 
 /// A point of the path.
@@ -94,7 +94,7 @@ impl Path {
 
     /// The path through the sections of a track of ISO 3888.
     fn between_cones(p: &PathDriver, track: fn(f64, f64) -> [Section; 3], maneuver: &str) -> Result<Self, String> {
-        // Computed for a start at 0, where no length is rounded.
+        // Computed for a track that starts at 0, because this does not round any length.
         let [_, second, _] = track(0.0, p.w);
         let most = (second.end - second.begin) / 2.0;
         if p.o > most {
@@ -137,7 +137,8 @@ impl Path {
             let (dx, dy) = (p_1.x - p_0.x, p_1.y - p_0.y);
             ((x - p_0.x) * dx + (y - p_0.y) * dy) / (dx * dx + dy * dy)
         };
-        // The segment may come from a deserialized state. Each loop moves in one direction, so both end for any value.
+        // The segment may come from a deserialized state and can have any value. Each of the two loops moves in one
+        // direction only, so both of them end.
         let mut j = usize::try_from(*segment).unwrap_or(last).min(last);
         while j < last && foot(j) >= 1.0 {
             j += 1;

@@ -54,7 +54,7 @@ pub(crate) enum Phase {
 pub(crate) struct Delay(Box<[f64]>);
 
 impl Delay {
-    /// Creates a delay of this number of samples, filled with 0.
+    /// Creates a delay of `samples` samples, filled with 0.
     pub(crate) fn of(samples: usize) -> Self {
         Self(vec![0.0; samples].into())
     }
@@ -88,7 +88,7 @@ pub(crate) struct Steering {
     pub(crate) delay_samples: usize,
     /// Fraction of the remaining difference that the lag covers in a sample.
     lag_share: f64,
-    /// Greatest angle of the road wheels, rad, and its greatest change in a sample, rad.
+    /// Greatest angle of the road wheels, rad, and the greatest change of this angle in a sample, rad.
     limit: f64,
     change: f64,
 }
@@ -148,7 +148,7 @@ fn is_held(p: &PathDriver, t: f64) -> bool {
     t >= p.hold_start - SLACK
 }
 
-/// Sets an angle of the steering wheel in rad, to the side on which the maneuver begins.
+/// Turns the steering wheel to `angle` in rad, positive toward the side on which the maneuver begins.
 fn turn(p: &PathDriver, d: &D, x: &mut X, angle: f64, t: f64) {
     if !is_held(p, t) {
         x.steer = (p.a.signum() * angle / p.ratio).clamp(-d.steering.limit, d.steering.limit);
@@ -166,7 +166,7 @@ pub(crate) fn slowly_increasing(p: &PathDriver, d: &D, x: &mut X, t: f64) {
 pub(crate) fn fishhook(p: &PathDriver, d: &D, x: &mut X, roll_rate: f64, t: f64) {
     let a = p.a.abs();
     let mut tau = x.n.wrapping_sub(x.phase_start) as f64 * p.sample_time;
-    // A phase may be over in the sample with which it begins.
+    // A phase can end in the same sample in which it begins.
     loop {
         let (length, next) = match x.phase {
             Phase::Wait => (p.t_0, Phase::Ramp),

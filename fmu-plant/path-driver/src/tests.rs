@@ -143,7 +143,7 @@ fn lane_changes_pass_the_middle_of_the_lanes() {
 
 #[test]
 fn a_table_turns_without_jumps() {
-    // A square around the origin, driven round twice and a half: 10 corners.
+    // A square around the origin with 10 corners: the path goes around it two and a half times.
     let corners = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
     let mut text = "x,y\n".to_owned();
     for i in 0..10 {
@@ -151,7 +151,8 @@ fn a_table_turns_without_jumps() {
         text += &format!("{x},{y}\n");
     }
     let square = path_of(&text).unwrap();
-    // The heading begins at pi. From point to point it turns by a quarter turn, by an eighth at both ends of the path.
+    // The heading begins at pi. It turns by a quarter turn from point to point, but only by an eighth of a turn at both
+    // ends of the path.
     for (i, point) in square.points.iter().enumerate() {
         let quarter = std::f64::consts::FRAC_PI_2;
         let expected = 2.0 * quarter
@@ -251,8 +252,8 @@ fn the_first_and_the_last_segment_are_extended() {
     assert!((corner.psi_e + std::f64::consts::FRAC_PI_4).abs() < 1e-15);
 }
 
-/// On a closed path, stations differ from round to round. The polyline with chords of 0.1 m is up to 25 um inside the
-/// circle of 50 m.
+/// On a closed path, the same point has a different station in each round. The polyline with chords of 0.1 m is up to
+/// 25 um inside the circle of 50 m.
 #[test]
 fn rounds_of_a_circle_have_different_stations() {
     let p = PathDriver { x_0: 0.0, l_c: 0.0, r: 50.0, arc: 900.0, ..driver(Maneuver::Circle) };
@@ -275,9 +276,9 @@ fn rounds_of_a_circle_have_different_stations() {
 }
 
 /// Standing still changes nothing, and driving back gives the same values except near corners of the polyline: inside a
-/// bend, both segments contain a foot of the perpendicular, and the search keeps the segment it comes from. At a corner
-/// of 0.1 m times 0.012 1/m, 2.5 m away, the difference is 3 mm in the station, 2e-6 m in the deviation, 4e-5 rad in
-/// the heading and thus 6e-5 rad in the steering angle.
+/// bend, both segments contain a foot of the perpendicular, and the search keeps the segment it comes from. The path
+/// turns by 0.1 m times 0.012 1/m at each corner, and the vehicle is 2.5 m away from it. The difference is then 3 mm in
+/// the station, 2e-6 m in the deviation, 4e-5 rad in the heading and thus 6e-5 rad in the steering angle.
 #[test]
 fn standstill_and_driving_back_give_the_same_values() {
     let p = PathDriver { k_i: 0.3, ..immediate(Maneuver::DoubleLaneChange) };
@@ -295,7 +296,7 @@ fn standstill_and_driving_back_give_the_same_values() {
         );
         assert!((found.steer - expected.steer).abs() < 1e-4, "{k}: {found:?}, {expected:?}");
     }
-    // At rest, the integral is held, too.
+    // At rest, the integral of the deviation is held, too.
     assert_eq!(run.state().integral, 0.0);
 }
 
@@ -325,7 +326,7 @@ fn an_ideal_vehicle_returns_to_the_path_with_the_damping_of_the_law() {
     }
 }
 
-/// The formula without curvature: -M g 2/Lp^2 (e + Lp sin(heading error)), with M = L + K v^2.
+/// On a straight path, the steering angle is -M g 2/Lp^2 (e + Lp sin(heading error)), with M = L + K v^2.
 #[test]
 fn the_law_of_the_deviation() {
     let p = PathDriver { k: 0.004, g: 1.2, t_p: 0.5, ..immediate(Maneuver::Straight) };
@@ -385,14 +386,14 @@ fn the_delay_is_a_whole_number_of_samples() {
         };
         let (immediate, delayed) = (steer(p.clone()), steer(PathDriver { t_d: delay, ..p }));
         for (k, found) in delayed.into_iter().enumerate() {
-            // The steering angle is a sum of changes, which rounds.
+            // The steering angle is a sum of changes, so it is rounded.
             let expected = if k < samples { 0.0 } else { immediate[k - samples] };
             assert!((found - expected).abs() < 1e-15, "{delay} s, sample {k}: {found} instead of {expected}");
         }
     }
 }
 
-/// Closed form of a first-order lag after a step, exact at the samples to the rounding of 400 sums.
+/// Closed form of a first-order lag after a step. The samples differ from it only by the rounding of 400 additions.
 #[test]
 fn the_lag_is_exact_at_the_samples() {
     let p = PathDriver { t_r: 0.2, sample_time: 0.01, ..immediate(Maneuver::Straight) };
@@ -411,8 +412,8 @@ fn rate_and_angle_of_the_steering_wheel_are_limited() {
     let p = PathDriver { angle_limit: 0.8, rate_limit: 2.0, sample_time: 0.01, ..immediate(Maneuver::Straight) };
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 1..100 {
-        // The vehicle is far to the right, so the driver steers to the left: with 2 rad/s at the wheel, to 0.8 rad. The
-        // tolerance is the rounding of 40 sums.
+        // The vehicle is far to the right, so the driver turns the steering wheel to the left, at 2 rad/s up to 0.8
+        // rad. The tolerance covers the rounding of 40 additions.
         let wheel = run.sample(&at(0.0, -5.0, 0.0, 10.0)).unwrap().steering_wheel;
         assert!((wheel - (0.02 * f64::from(k)).min(0.8)).abs() < 1e-13, "{k}: {wheel}");
     }
@@ -438,7 +439,8 @@ fn a_lost_path_keeps_the_steering_angle() {
     let near = run.sample(&at(0.0, 2.0, 0.0, 10.0)).unwrap();
     assert!(!near.lost);
     let integral = run.state().integral;
-    // From the sample in which the path is lost, the angle is held; position on the path and pedals are still updated.
+    // Beginning with the sample in which the path is lost, the steering angle is held. The position on the path and the
+    // pedals are still updated.
     for (y, v) in [(2.1, 10.0), (0.0, 12.0), (-1.0, 20.0)] {
         let sample = run.sample(&at(1.0, y, 0.1, v)).unwrap();
         assert!(sample.lost && !sample.finished);
@@ -447,7 +449,7 @@ fn a_lost_path_keeps_the_steering_angle() {
         assert_eq!(sample.throttle > 0.0, v < 16.0);
         assert_eq!(sample.brake > 0.0, v > 17.0);
     }
-    // The end is still detected.
+    // The end of the path is still detected.
     assert!(run.sample(&at(200.0, 9.0, 0.0, 10.0)).unwrap().finished);
 }
 
@@ -467,7 +469,8 @@ fn finished_becomes_true_at_the_end_of_the_maneuver_and_stays_true() {
         for pair in points.windows(2).flat_map(|pair| [0.0, 0.25, 0.5, 0.75].map(|share| (pair, share))) {
             let (a, b, share) = (pair.0[0], pair.0[1], pair.1);
             let y = run.sample(&at(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), a.theta, 10.0)).unwrap();
-            // The position is rounded, and this loop never reaches the last point.
+            // `finished` may stay false here, because this loop never reaches the last point and the position is
+            // rounded.
             if y.finished && first.is_none() {
                 first = Some(y.s);
             }
@@ -477,7 +480,7 @@ fn finished_becomes_true_at_the_end_of_the_maneuver_and_stays_true() {
         let b = points.last().unwrap();
         let y = run.sample(&at(b.x + 1e-6 * b.theta.cos(), b.y + 1e-6 * b.theta.sin(), 0.0, 10.0)).unwrap();
         assert!(y.finished);
-        // A sample every 25 mm.
+        // The tolerance is slightly more than the 25 mm between two samples.
         assert!((first.unwrap_or(y.s) - end).abs() < 0.03, "{maneuver:?}: {first:?} instead of {end}");
         // `finished` stays true.
         assert!(run.sample(&at(0.0, 0.0, 0.0, 10.0)).unwrap().finished);
@@ -493,7 +496,7 @@ fn slowly_increasing_steer_is_a_ramp() {
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 0..5000 {
         let t = f64::from(k) * 1e-3;
-        // The position is beyond the end of the line, which does not end the maneuver.
+        // The vehicle is already beyond the end of the line, but this does not end the maneuver.
         let y = run.sample(&at(1e3, 25.0, 0.3, 20.0)).unwrap();
         let ramp = 13.5_f64.to_radians() * (t - 1.0).max(0.0);
         assert!((y.steering_wheel + ramp.min(0.5)).abs() < 1e-14, "{t} s: {}", y.steering_wheel);
@@ -513,7 +516,8 @@ fn slowly_increasing_steer_ends_with_its_amplitude() {
     assert_eq!(y.map(|y| y.finished), [false, false, true, true]);
 }
 
-/// Closed form: phases of 0.5 s (start), 0.1 s (ramp to 0.4 rad at 4 rad/s), dwell, 0.2 s, 0.3 s and 0.25 s.
+/// Closed form: the phases are 0.5 s straight ahead, 0.1 s of ramp to 0.4 rad at 4 rad/s, the dwell, 0.2 s of reversal,
+/// 0.3 s of hold and 0.25 s of return.
 #[test]
 fn the_fishhook_waits_for_the_roll_rate() {
     let p = PathDriver {
@@ -525,7 +529,7 @@ fn the_fishhook_waits_for_the_roll_rate() {
         return_time: 0.25,
         ..driver(Maneuver::Fishhook)
     };
-    // The roll rate falls below its threshold 0.15 s after the ramp, or never.
+    // The roll rate falls below the threshold 0.15 s after the ramp in the first case, and never in the second.
     for (falls, dwell) in [(0.75, 0.15), (9.0, 0.7)] {
         for (side, a) in [(1.0, 0.4), (-1.0, -0.4)] {
             let mut run = DiscreteSimulation::new(PathDriver { a, ..p.clone() }).unwrap();
@@ -557,7 +561,8 @@ fn the_fishhook_waits_for_the_roll_rate() {
     }
 }
 
-/// A threshold below 0 is never reached, so the dwell takes 0.25 s. Phases without duration pass in one sample.
+/// A threshold below 0 is never reached, so the dwell takes 0.25 s. Phases without duration begin and end in the same
+/// sample.
 #[test]
 fn phases_of_the_fishhook_may_have_no_duration() {
     let p = PathDriver {
@@ -572,7 +577,7 @@ fn phases_of_the_fishhook_may_have_no_duration() {
     let mut run = DiscreteSimulation::new(p.clone()).unwrap();
     let y: Vec<_> = (0..300).map(|_| run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap()).collect();
     for (k, y) in y.iter().enumerate() {
-        // The ramp of 5 ns is not over in the sample in which it begins, but in the next; so is the reversal.
+        // The ramp takes 5 ns. It ends in the sample after the one in which it begins, and so does the reversal.
         let expected = if (11..261).contains(&k) { p.a } else { 0.0 };
         assert!((y.steering_wheel - expected).abs() < 1e-12 || k == 261, "{k}: {}", y.steering_wheel);
         assert_eq!(y.finished, k >= 262, "{k}");
@@ -584,7 +589,7 @@ fn phases_of_the_fishhook_may_have_no_duration() {
     assert!(run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap().finished);
 }
 
-/// The rate limit and the delay do not act on steering by time.
+/// The rate limit and the delay have no effect on maneuvers that steer by time.
 #[test]
 fn angle_limit_and_hold_act_on_steering_by_time() {
     let p = PathDriver {
@@ -620,8 +625,8 @@ fn the_reference_speed_is_a_ramp_or_a_step() {
     }
 }
 
-/// Sample by sample: a = feedforward + k_p error + z. Then z is updated, unless the pedal is saturated and the error
-/// has the same sign as a.
+/// In each sample, a = feedforward + k_p error + z. Then z is updated, unless the pedal is saturated and the error has
+/// the same sign as a.
 #[test]
 fn the_pedals_follow_the_law() {
     let p = PathDriver {
@@ -643,7 +648,7 @@ fn the_pedals_follow_the_law() {
         assert!((throttle - pedals[0]).abs() < 1e-14 && (brake - pedals[1]).abs() < 1e-14, "{found:?}, {pedals:?}");
         assert!((found_z - z).abs() < 1e-14, "{found:?}, {z}");
     };
-    // error 1: a = 1.5; z = 0.5 1 0.1
+    // error 1: a = 1.5; then z = 0.5 * 1 * 0.1
     assert_pedals(sample(9.0), [1.5 / 2.5, 0.0], 0.05);
     // error 2: a = 3.05, saturated: z does not change
     assert_pedals(sample(8.0), [1.0, 0.0], 0.05);
@@ -692,7 +697,7 @@ fn pedals_stay_released_until_the_brake_ramp() {
 
 // With a vehicle.
 
-/// A [`BicycleCar`] with its variables by name.
+/// A [`BicycleCar`] whose variables can be accessed by name.
 struct Car {
     run: ContinuousSimulation<BicycleCar>,
     inputs: bicycle_car::U<f64>,
@@ -732,7 +737,7 @@ fn named<B: Variables<f64>>(values: &[(&str, f64)]) -> B {
     B::from_reals(&names::<B>().iter().map(of).collect::<Vec<_>>())
 }
 
-/// The driver's outputs while it drives the car, in steps of 1 ms.
+/// Outputs of a driver that drives the car, in steps of 1 ms.
 fn driven(p: PathDriver, speed: f64, time: f64) -> Vec<Y> {
     let mut car = Car::new(speed);
     let mut run = DiscreteSimulation::new(p).unwrap();
@@ -778,7 +783,8 @@ fn without_the_integral_the_sideslip_angle_is_left() {
     assert_printed(e, -0.066, 1e-3);
 }
 
-/// A mirrored path and vehicle give mirrored results, bit for bit, because all operations are odd or even.
+/// With a mirrored path and a mirrored vehicle, the results are mirrored bit for bit, because all operations are odd or
+/// even functions.
 #[test]
 fn mirrored_path_and_vehicle_are_mirrored() {
     for maneuver in
@@ -820,7 +826,7 @@ fn the_car_drives_the_double_lane_change() {
         car.run.step(&car.inputs, 1e-3).unwrap();
     }
     assert!(seen.iter().all(|seen| *seen > 600), "{seen:?}");
-    // 175 m at 18 m/s, plus the detour.
+    // The straight line takes 175 m / (18 m/s); the detour through the second lane adds to it.
     assert!((2000..2280).contains(&finished), "{finished}");
 }
 
@@ -890,7 +896,7 @@ impl Fmu {
         self.instance.exit_initialization().map_err(message)
     }
 
-    /// Steps with a vehicle at `k` and returns the bits of all outputs.
+    /// Simulates step `k` with a moving vehicle, and returns the bits of all outputs.
     fn step(&mut self, k: u32) -> Vec<u64> {
         let w = f64::from(k) * 0.001;
         let inputs = [
@@ -1001,7 +1007,7 @@ fn rejects_numbers_outside_their_limits() {
     }
 }
 
-/// Inconsistent parameters are rejected at the end of initialization, for the maneuvers that need them.
+/// Inconsistent parameters are rejected at the end of initialization, if the maneuver uses them.
 #[test]
 fn rejects_what_makes_no_sense() {
     let error = |p: &PathDriver| p.derived().unwrap_err();

@@ -15,18 +15,18 @@
 /// in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// x of the first cones.
+    /// Position x of the first cones.
     pub begin: f64,
-    /// x of the last cones.
+    /// Position x of the last cones.
     pub end: f64,
-    /// y of the cones on the right.
+    /// Position y of the cones on the right.
     pub right: f64,
-    /// y of the cones on the left, more than `right`.
+    /// Position y of the cones on the left, greater than `right`.
     pub left: f64,
 }
 
 impl Section {
-    /// y of the middle of the lane in m.
+    /// Position y of the middle of the lane in m.
     pub fn middle(&self) -> f64 {
         (self.right + self.left) / 2.0
     }
@@ -66,7 +66,8 @@ mod tests {
         }
     }
 
-    /// Reference values for 1.61 m, exact with these digits; sums of three numbers are rounded by 1e-15.
+    /// Reference values for a width of 1.61 m. The digits shown are exact; the tolerance covers the rounding of sums of
+    /// three numbers.
     #[test]
     fn edges_follow_the_standard() {
         let double = iso_3888_1(50.0, 1.61);

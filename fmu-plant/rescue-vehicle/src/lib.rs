@@ -91,7 +91,7 @@ pub struct RescueVehicle {
     max_step: f64,
 }
 
-/// Inputs; x_i, y_i, and the wheels 1 to 6 of the paper in the order fl, fr, ml, mr, rl, rr.
+/// Inputs. The wheels 1 to 6 of the paper are fl, fr, ml, mr, rl and rr.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
     #[var(DRIVER_SPEED, start = data::SPEED)]

@@ -32,7 +32,7 @@ fn derivatives(p: &RescueVehicle, x: &X<f64>, u: &U<f64>) -> X<f64> {
     equations::derivatives(p, &derived(p), x, u)
 }
 
-/// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
+/// The Jacobian matrices of the derivatives with respect to state and inputs, computed exactly with dual numbers.
 fn linearized(p: &RescueVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = derived(p);
     let (x, u) = (x.reals(), u.reals());
@@ -78,7 +78,8 @@ fn example() -> (X<f64>, U<f64>) {
 
 #[test]
 fn at_rest_nothing_moves_and_the_loads_are_equal() {
-    // Speed alone causes no motion: the rates are exactly 0. The loads are m g / 6 = 58 860 N to a few roundings.
+    // Speed alone causes no motion: the rates are exactly 0. The loads are m g / 6 = 58 860 N, except for a few
+    // roundings.
     let p = RescueVehicle::default();
     for speed in [0.0, 0.1, 9.7, 40.0] {
         let u = U { u: speed, ..U::default() };
@@ -153,9 +154,9 @@ fn one_millisecond_has_the_reference_values() {
 
 #[test]
 fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
-    // Three axles of equal stiffness with the center of mass at their mean: r/delta_f = u a/(a^2 + b^2 + c^2) for small
-    // angles, rear axles straight (Chen et al. eqs. 14, 15 with A2 = 0). 1e-12 covers the rounding of the linear
-    // solution. Without heading and position, the state matrix is regular.
+    // Three axles have equal stiffness, and the center of mass is at their mean position. If only the front axle steers
+    // and the angles are small, r/delta_f = u a/(a^2 + b^2 + c^2) (Chen et al. eqs. 14, 15 with A2 = 0). 1e-12 covers
+    // the rounding of the linear solution. Without heading and position, the state matrix is regular.
     let p = linear();
     let (a, b) = linearized(&p, &X::default(), &U::default());
     let front = 1; // speed, then the front axle
@@ -193,7 +194,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let x = X { phi, z_w: SixWheels::from_fn(|i| share * d.y[i] * phi), r, ..X::default() };
     let u = U { u: speed, delta, ..U::default() };
     let rates = derivatives(&p, &x, &u);
-    // The tolerance is the rounding of 1e5 N on the smallest mass, 600 kg.
+    // The tolerance covers the rounding of forces of 1e5 N that act on the smallest mass, 600 kg.
     for rate in (X { x: 0.0, y: 0.0, psi: 0.0, ..rates }).reals() {
         assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
@@ -206,7 +207,8 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
 #[test]
 fn the_linearized_plant_is_the_design_model_of_the_controllers() {
     // Two derivations of one model: these equations, linearized by dual numbers, and the matrices M, N, R, Q in
-    // Appendix A of the paper (corrected), with v = u beta. The tolerance is a few roundings of the largest element.
+    // Appendix A of the paper (corrected), with v = u beta. The tolerance covers a few roundings of the largest
+    // element.
     let p = linear();
     let vehicle = VehicleParameters::default();
     let speed = data::SPEED;
@@ -230,7 +232,8 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
 
 #[test]
 fn the_poles_at_35_km_h_are_the_reference_values() {
-    // The paper's tires and the saturating tires have the same slope at rest. Printed with 4 decimals.
+    // The paper's tires and the saturating tires have the same slope at rest. The expected poles are printed with 4
+    // decimals.
     for p in [linear(), RescueVehicle::default()] {
         let (a, _) = linearized(&p, &X::default(), &U::default());
         let poles = eigenvalues(&a.view((0, 0), (20, 20)).into_owned()).unwrap();
@@ -289,7 +292,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// At standstill on a flat road, without actuators or steering, only dampers and sliding tires change the energy,
-    /// and they reduce it. The tolerance of 1e-8 W is the rounding in sums of terms up to 1e6 W.
+    /// and they reduce it. The tolerance of 1e-8 W covers the rounding in sums of terms up to 1e6 W.
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
         for tire_model in [TireModel::Linear, TireModel::Saturating] {
@@ -383,7 +386,7 @@ fn inconsistent_parameters_are_rejected() {
         "'geometry.cg_to_front_axle' = 0.5 m puts the center of mass too far from the axles: the load on the rear axle \
          at rest would be -18885 N"
     );
-    // (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
+    // The limit is (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
     assert_eq!(
         message(RescueVehicle { i_x: 29_000.0, ..RescueVehicle::default() }),
         "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 29000 kg.m2: the limit follows from the masses, \
@@ -395,7 +398,7 @@ fn inconsistent_parameters_are_rejected() {
 
 #[test]
 fn the_inverse_mass_matrix_is_correct() {
-    // M M^-1 = 1, to the rounding of sums of 3 terms of order 1.
+    // M M^-1 = 1. The tolerance covers the rounding of sums of 3 terms of order 1.
     let p = RescueVehicle::default();
     let d = derived(&p);
     let coupling = -d.m_s * p.h_s;

@@ -15,8 +15,9 @@
 //!
 //! The front axle starts at distance 0, the axles behind it start at negative distances. Flat road, harmonics and table
 //! are defined for every distance, so they are also correct for a vehicle that rolls back. Shaped noise is generated
-//! forward, and the last [`HISTORY`] grid points up to the farthest position of the front axle are kept (10.2 m at 1
-//! cm). Within them, a vehicle that rolls back gets bit-identical heights; an axle farther back gets the oldest height.
+//! only in the forward direction, and the last [`HISTORY`] grid points up to the farthest position of the front axle
+//! are kept (10.2 m with a spacing of 1 cm). A vehicle that rolls back within this distance gets bit-identical heights;
+//! an axle that is farther back gets the oldest height.
 
 use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis_vehicle::random::Normals;
@@ -26,7 +27,7 @@ use fmu::slack;
 
 use crate::{D, ObstacleShape, Profile, Road, RoughnessStart, Tracks, U, X, Y};
 
-/// Grid points of shaped noise that are kept for the axles behind the front axle; a power of two.
+/// Number of grid points of shaped noise that are stored for the axles behind the front axle; a power of two.
 pub(crate) const HISTORY: usize = 1024;
 
 /// Position of grid point 0 in units of `roughness.spacing`: the first [`HISTORY`] points then end at 1, the far end of
@@ -66,7 +67,7 @@ pub(crate) fn influence(output: &str, parameter: &str) -> bool {
                 _ => false,
             },
             Some("sample_time") => true,
-            // the track is the delay of the right side
+            // the track width determines the delay of the right side
             _ => signal == "road_height" && (parameter != "geometry.track" || !is_left),
         }
 }
@@ -172,7 +173,7 @@ fn noise(p: &Road, coefficient: f64, pair: Pair) -> Result<Noise, String> {
             p.n_00 * (deviation / HIGHEST).powi(2)
         ));
     }
-    // One cell less than the points span, because the front axle can be just before the far end of its cell.
+    // The stored points span one cell more than this: the front axle can be just before the far end of its cell.
     let longest = (HISTORY - 3) as f64 * p.ds;
     for (place, offset) in RearAxles::<f64>::ELEMENTS.iter().zip(*p.l) {
         if offset > longest {
@@ -269,7 +270,8 @@ pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
     let s = x.s;
     if let Surface::Noise(noise) = &d.surface {
         noise.generate(p, x);
-        // After the points up to here have been generated, so the class changes at the same point for any sample time.
+        // The class changes only after the points up to here have been generated. It thus changes at the same point for
+        // any sample time.
         x.changed |= p.t_change > 0.0 && t >= p.t_change - slack(p.sample_time, t);
     }
 
@@ -325,7 +327,7 @@ impl Surface {
         }
     }
 
-    /// Hash of the file, 0 without one.
+    /// Hash of the file; 0 if there is no file.
     pub(crate) fn content_hash(&self) -> u64 {
         match self {
             Self::Table(heights) => heights.table.content_hash(),
@@ -334,8 +336,8 @@ impl Surface {
     }
 }
 
-/// Number of grid points up to the far end of the cell that contains a distance. Just before the next cell, that cell
-/// is included, so rounding has no effect.
+/// Number of grid points up to the far end of the cell that contains a distance. If the distance is just before the
+/// next cell, the next cell is included, so rounding has no effect.
 fn points_up_to(p: &Road, s: f64) -> f64 {
     (s / p.ds + SLACK).floor() + 2.0 - FIRST
 }
@@ -385,8 +387,8 @@ impl Noise {
 }
 
 impl X {
-    /// Heights of both tracks at a distance in grid spacings: linear between the stored points, the oldest height
-    /// before them.
+    /// Heights of both tracks at a distance in grid spacings: interpolated linearly between the stored points; before
+    /// them, the oldest height is held.
     fn heights(&self, place: f64) -> [f64; 2] {
         let number = place - FIRST;
         let newest = self.points.saturating_sub(1);
@@ -433,7 +435,7 @@ mod tests {
 
     const CLASS_C: f64 = 256e-6;
 
-    /// A road and the state on it.
+    /// A road and its discrete state during a drive.
     #[derive(Clone)]
     struct Drive {
         p: Road,
@@ -471,7 +473,7 @@ mod tests {
         parse_table("distance,height_left,height_right\n1,0,0.5\n2,0.1,0\n4,-0.1,0.2\n4.5,0.3,0.1\n", "a.csv").unwrap()
     }
 
-    /// Every profile with every kind of tracks.
+    /// All combinations of profiles and relations between the tracks.
     fn roads() -> impl Iterator<Item = Drive> {
         (0..16).map(|i| {
             let p = Road {
@@ -541,7 +543,7 @@ mod tests {
     /// (ISO 8608) above n00. In third-octave bands from 0.02 to 5 1/m, the mean of estimate/reference over m bins and K
     /// windows must be 1. The tolerance is four standard errors sqrt(1.94 * 1.06/(m K)): neighboring bins of a Hann
     /// window are correlated by (2/3)^2 and (1/6)^2 (factor 1.94), half-overlapping windows by (1/6)^2 (factor 1.06). 1
-    /// % is added for aliasing by the grid (0.8 % at 5 1/m) and leakage.
+    /// % is added for aliasing by the grid (0.8 % at 5 1/m) and for leakage.
     #[test]
     fn psd_follows_iso_8608() {
         let p = Road { seed: 5, ..Road::default() };
@@ -604,11 +606,11 @@ mod tests {
         mean
     }
 
-    /// Reference: the mixture's cross spectrum is rho times the PSD, its magnitude-squared coherence rho^2. 255
-    /// half-overlapping windows are equivalent to K = 241 independent ones, 200 bins to 103 (see the PSD test).
-    /// Standard errors of the means: real part at most 1/sqrt(2 K 103) = 0.0045; squared coherence sqrt(2) rho (1 -
-    /// rho^2)/sqrt(K 103) <= 0.0035, with a bias of at most 1/K = 0.0041. The tolerance is four standard errors plus
-    /// the bias.
+    /// Reference: the mixture's cross spectrum is rho times the PSD, and its magnitude-squared coherence is rho^2. 255
+    /// half-overlapping windows are equivalent to K = 241 independent windows, and 200 bins to 103 independent bins
+    /// (see the PSD test). Standard errors of the means: real part at most 1/sqrt(2 K 103) = 0.0045; squared coherence
+    /// sqrt(2) rho (1 - rho^2)/sqrt(K 103) <= 0.0035, with a bias of at most 1/K = 0.0041. The tolerance is four
+    /// standard errors plus the bias.
     #[test]
     fn tracks_have_the_given_coherence() {
         let p = |tracks, rho| Road { tracks, rho, ..Road::default() };
@@ -745,7 +747,7 @@ mod tests {
         assert!(sums.iter().all(|sum| sum.abs() < 4.0 / 2000.0_f64.sqrt()), "{sums:?}");
     }
 
-    /// The height is 0 up to the front axle (1) or only up to the rear axle (2).
+    /// The height is 0 up to the front axle, or only up to the rear axle, depending on `start`.
     #[test]
     fn starts_from_zero() {
         let p = Road { start: RoughnessStart::ZeroUpToFrontAxle, l: RearAxles([2.955, 4.605]), ..Road::default() };
@@ -765,7 +767,7 @@ mod tests {
 
     /// Reference: Applied Sciences 2020, 10, 1852: class C until 3 s, then F. After the distance reached at 3 s (60 m,
     /// or one cell more), each innovation z[k+1] - alpha z[k] is sqrt(64) = 8 times the innovation without the change,
-    /// to the rounding of alpha z.
+    /// except for the rounding of alpha z.
     #[test]
     fn a_class_change_scales_the_innovations() {
         let p = |t_change| Road { t_change, ..Road::default() };
@@ -783,7 +785,8 @@ mod tests {
         }
     }
 
-    /// Class 0 uses the coefficient, and the profile scales with the square root of the coefficient.
+    /// With class 0, the roughness coefficient is a parameter. The profile is proportional to the square root of the
+    /// coefficient.
     #[test]
     fn coefficient_scales_the_road() {
         for profile in [Profile::ShapedNoise, Profile::Harmonics] {
@@ -836,8 +839,9 @@ mod tests {
         }
     }
 
-    /// Closed form: bump of the hydro-pneumatic half car, (A/2)(1 - cos(2 pi (t - 2)/0.5)) for 2 < t < 2.5 s with
-    /// A = 0.03 m on the left. In time, it acts under all axles at once; in distance, under one after the other.
+    /// Closed form: bump of the hydro-pneumatic half car, (A/2)(1 - cos(2 pi (t - 2)/0.5)) for 2 < t < 2.5 s with A =
+    /// 0.03 m on the left. An obstacle in time acts under all axles at once, an obstacle in distance under one axle
+    /// after the other.
     #[test]
     fn obstacles_in_time_and_distance() {
         let p = Road {
@@ -903,7 +907,7 @@ mod tests {
     }
 
     /// Driving back gives bit-identical heights at the same distance. Farther back than the history (10.2 m), the
-    /// oldest height is held. Forward again, the road continues as without driving back.
+    /// oldest height is held. When the vehicle drives forward again, the road continues as if it had not driven back.
     #[test]
     fn drives_backward() {
         // 1/64 m per sample: all distances are exact
@@ -987,7 +991,8 @@ mod tests {
         ] {
             assert_eq!(derived(&parameters, None).unwrap_err(), message);
         }
-        // Accepted: the worst class with the cutoff of the standard, and the cutoff in the message.
+        // The worst class is accepted with the cutoff of the standard, and class C with the cutoff that the message
+        // recommends.
         assert!(derived(&Road { class: 8, ..p() }, None).is_ok());
         assert!(derived(&Road { n_00: 4.022e-6, ..p() }, None).is_ok());
         assert_eq!(

@@ -170,7 +170,8 @@ pub struct Y {
 #[derive(DiscreteState, Clone, Debug, PartialEq)]
 pub struct X {
     s: f64,
-    /// Accumulated rounding error of `s` (compensated summation): the distance does not depend on the sample time.
+    /// Accumulated rounding error of `s` (compensated summation). Because of it, the distance does not depend on the
+    /// sample time.
     s_excess: f64,
     /// Number of grid points generated so far, and index of the next random numbers.
     points: u64,
@@ -178,7 +179,7 @@ pub struct X {
     noise: [f64; 2],
     /// State of the all-pass of delayed tracks at the newest grid point (m, 1).
     all_pass: [f64; 2],
-    /// Further grid points have the changed class.
+    /// True if further grid points have the changed class.
     changed: bool,
     /// Ring buffer of the left track's heights, m: grid point `k` is at index `k` modulo the length.
     #[var(always_finite)]

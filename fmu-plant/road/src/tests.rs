@@ -70,7 +70,8 @@ impl Fmu {
 
 const TABLE: &str = "distance,height_left,height_right\n0,0,0\n10,0.1,0.2\n";
 
-/// Each signal has outputs for wheels and for sides. Before the first sample, they already have its values.
+/// Each signal has outputs for wheels and for sides. Before the first sample, they already have the values of that
+/// sample.
 #[test]
 fn outputs_for_six_wheels_and_two_sides() {
     let mut fmu = Fmu::new(Path::new(""));

@@ -1,4 +1,4 @@
-//! From a signal to its measured value. Symbols as in the README.
+//! Computes the measured value of a signal. The symbols are those of the README.
 
 use chassis_vehicle::random::{Normals, SENSOR_STREAM};
 
@@ -57,6 +57,6 @@ pub(crate) fn quantize(value: f64, q: f64) -> f64 {
         return value;
     }
     let n = value / q;
-    // A resolution below the last digit of the value changes nothing, and n may be infinite.
+    // Rounding to a resolution below the last digit of the value would change nothing, and n may be infinite.
     if n.abs() < WHOLE { q * n.round() } else { value }
 }

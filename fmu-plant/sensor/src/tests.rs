@@ -89,12 +89,12 @@ fn a_resolution_below_the_last_digit_changes_nothing() {
             assert_eq!(equations::quantize(value, q), value);
         }
     }
-    // The largest quotient that is rounded: 2^52 - 0.5, to 2^52.
+    // The largest quotient that is rounded is 2^52 - 0.5; the result is 2^52.
     assert_eq!(equations::quantize(1.0 - f64::EPSILON / 2.0, f64::EPSILON), 1.0);
 }
 
-/// Delay, bias, noise, resolution, in this order: computed from the definition, with the generator's own
-/// random numbers. The operations are the same, so the bits must be.
+/// Reference: delay, bias, noise and resolution, in this order, computed from their definitions with the random numbers
+/// of the generator. The operations are the same, so the results must be bit-identical.
 #[test]
 fn the_effects_come_in_the_order_of_the_readme() {
     let p = Sensor { tau: 0.017, b: 0.02, sigma: 0.05, seed: 7, q: 0.01, ..Sensor::default() };
