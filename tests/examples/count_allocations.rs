@@ -1,4 +1,5 @@
-//! Counts the allocations in a process: a library for `LD_PRELOAD`, for the tests that a step does not allocate.
+//! Counts the allocations in a process. This library is loaded with `LD_PRELOAD` by the tests that check that a step
+//! does not allocate.
 //!
 //! A Rust allocator in the test's program would not see the allocations of a loaded FMU, which contains its own copy of
 //! the Rust runtime. All copies eventually call the C functions below.
@@ -29,7 +30,7 @@ pub extern "C" fn counted_allocations() -> u64 {
     COUNT.load(Ordering::Relaxed)
 }
 
-/// Counts, and calls malloc of the C library.
+/// Counts the call, and calls malloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn malloc(size: size_t) -> *mut c_void {
     count();
@@ -37,28 +38,28 @@ pub unsafe extern "C" fn malloc(size: size_t) -> *mut c_void {
     unsafe { __libc_malloc(size) }
 }
 
-/// Counts, and calls calloc of the C library.
+/// Counts the call, and calls calloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calloc(number: size_t, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_calloc(number, size) }
 }
 
-/// Counts, and calls realloc of the C library.
+/// Counts the call, and calls realloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn realloc(pointer: *mut c_void, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_realloc(pointer, size) }
 }
 
-/// Counts, and calls aligned_alloc of the C library.
+/// Counts the call, and calls aligned_alloc of the C library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn aligned_alloc(alignment: size_t, size: size_t) -> *mut c_void {
     count();
     unsafe { __libc_memalign(alignment, size) }
 }
 
-/// Counts, and does what posix_memalign does.
+/// Counts the call, and does what posix_memalign does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn posix_memalign(target: *mut *mut c_void, alignment: size_t, size: size_t) -> c_int {
     count();

@@ -2,11 +2,11 @@
 //!
 //! The standard does not define the effect of invalid calls. The reference is ARCHITECTURE.md ("Status", "Time"). Every
 //! call is checked: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with a reason and keeps the FMU
-//! state; nothing is written beyond the array, and nothing at all by a rejected call; returned numbers are finite. For
-//! some calls, it is also checked that a rejected call does not change the saved state.
+//! state; nothing is written beyond the end of an array, and a rejected call writes nothing at all; returned numbers
+//! are finite. For some calls, it is also checked that a rejected call does not change the saved state.
 //!
-//! Not covered, because an FMU cannot detect them: arrays shorter than stated, strings without a terminating zero,
-//! freed instances, one instance in two threads.
+//! An FMU cannot detect the following mistakes, so they are not covered: arrays that are shorter than stated, strings
+//! without a terminating zero, freed instances, and calls of one instance from two threads.
 
 use crate::Fmu;
 use crate::raw::{Arguments, DISCARD, ERROR, Entry, EventArguments, OK, Raw, RawInstance, RawState, in_version};
@@ -26,11 +26,11 @@ mod questions;
 mod states;
 mod values;
 
-/// Calls that are shown after a violation.
+/// Number of calls that are shown after a violation.
 const SHOWN: usize = 50;
-/// Instances of an FMU that are alive at once.
+/// Number of instances of an FMU that are alive at the same time.
 const INSTANCES: usize = 4;
-/// States of an instance and kept bytes of states at once.
+/// Maximum number of states of an instance, and of serialized states, that are kept at the same time.
 const STATES: usize = 6;
 /// Content of an array of numbers before a call.
 const MARK: f64 = -7.25e77;
@@ -40,9 +40,9 @@ const MARK: f64 = -7.25e77;
 pub struct Report {
     /// Calls that the generator chose.
     pub calls: u64,
-    /// Calls among them to instances of the other interface.
+    /// Number of these calls that were made to instances of the other interface.
     pub others: u64,
-    /// Additional calls that check an instance: its FMU state and saved state.
+    /// Additional calls that check the FMU state and the saved state of an instance.
     pub probes: u64,
     /// Number of calls of each function that returned fmi2OK, fmi2Discard and fmi2Error.
     pub functions: BTreeMap<&'static str, [u64; 3]>,
@@ -51,7 +51,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds another report.
+    /// Adds the numbers of another report.
     pub fn add(&mut self, other: &Self) {
         self.calls += other.calls;
         self.others += other.others;
@@ -95,7 +95,7 @@ struct Slot<'a> {
     has_logger: bool,
     /// True if the instance logs all categories, including discarded calls.
     all_logged: bool,
-    /// FMU state; known only with a logger, because it is read from error messages.
+    /// FMU state. It is known only with a logger, because it is read from error messages.
     mode: Mode,
     /// Saved states, each with the FMU state in which it was saved; `None` for crafted bytes.
     states: Vec<(RawState, Option<Mode>)>,
@@ -106,9 +106,9 @@ struct Slot<'a> {
 #[derive(Clone)]
 struct Bytes {
     bytes: Vec<u8>,
-    /// The FMU state in which it was saved, if known.
+    /// The FMU state in which the state was saved, if known.
     mode: Option<Mode>,
-    /// The interface of the instance from which it was saved.
+    /// The interface of the instance from which the state was saved.
     interface: Interface,
 }
 
@@ -116,7 +116,7 @@ struct Bytes {
 enum Next {
     Same,
     To(Mode),
-    /// Not known in advance; it is read.
+    /// Not known in advance, so it is read from a message.
     Any,
 }
 
@@ -124,12 +124,12 @@ enum Next {
 struct Fuzzer<'a> {
     raw: &'a Raw,
     version: FmiVersion,
-    /// The interface of most instances; then all interfaces that the FMU provides.
+    /// The interface of most instances, followed by all interfaces that the FMU provides.
     interface: Interface,
     interfaces: Vec<Interface>,
     random: Random,
     specs: Vec<Spec>,
-    /// The time (FMI 3.0).
+    /// The value reference of the time (FMI 3.0).
     time: Option<Reference>,
     /// Unknowns and knowns of directional derivatives.
     unknown: Vec<Reference>,
@@ -163,7 +163,7 @@ pub fn interfaces(fmu: &Fmu) -> Vec<Interface> {
 /// The bytes of an FMU's state after initialization, which other FMUs must reject.
 ///
 /// # Panics
-/// If the FMU does not save one.
+/// If the FMU does not save a state.
 #[must_use]
 pub fn state(raw: &Raw, interface: Interface) -> Vec<u8> {
     let guid = CString::new(raw.guid()).expect("no zeros");
@@ -198,10 +198,10 @@ fn kind_of(interface: Interface) -> i32 {
     }
 }
 
-/// Calls an FMU while `goes_on` returns true; its argument is the number of calls so far to instances of `interface`.
-/// Some instances have the other interface if the FMU provides it. Equal seeds and `foreign` states (from other FMUs,
-/// see [`state`]) give equal calls. If `is_verbose`, every call is printed to standard error before it is made, which
-/// shows a call that ends the process.
+/// Calls an FMU while `goes_on` returns true. The argument of `goes_on` is the number of calls so far to instances of
+/// `interface`. If the FMU provides the other interface, some instances have that interface. Equal seeds and `foreign`
+/// states (from other FMUs, see [`state`]) give equal calls. If `is_verbose`, every call is printed to standard error
+/// before it is made, which shows a call that ends the process.
 ///
 /// # Errors
 /// The FMU breaks a rule.
@@ -272,7 +272,8 @@ fn ensure(holds: bool, what: impl FnOnce() -> String) -> Checked {
     if holds { Ok(()) } else { Err(what()) }
 }
 
-/// The text of a printf format without arguments; `None` if the format requires arguments or value references.
+/// The text that a printf format without arguments produces; `None` if the format requires arguments or value
+/// references.
 fn printed(version: FmiVersion, format: &[u8]) -> Option<String> {
     let text = String::from_utf8(format.to_vec()).ok()?;
     if version == FmiVersion::V3 {
@@ -314,14 +315,14 @@ impl<'a> Fuzzer<'a> {
         in_version(self.version, function)
     }
 
-    /// Counts a call of the generator to an instance of an interface.
+    /// Counts a call that the generator made to an instance of an interface.
     fn counted(&mut self, interface: Interface, function: &'static str, status: RawStatus) -> Checked {
         let count = if interface == self.interface { &mut self.report.calls } else { &mut self.report.others };
         *count += 1;
         self.answered(function, status)
     }
 
-    /// Counts a checking call.
+    /// Counts a call that only checks an instance.
     fn probed(&mut self, function: &'static str, status: RawStatus) -> Checked {
         self.report.probes += 1;
         self.answered(function, status)
@@ -338,8 +339,8 @@ impl<'a> Fuzzer<'a> {
         Ok(())
     }
 
-    /// The bytes of an instance's state; `None` if it cannot be saved. All values are read first, because some are
-    /// computed when they are first needed.
+    /// The bytes of an instance's state; `None` if the state cannot be saved. All values are read first, because some
+    /// are computed only when they are first needed.
     fn content(&mut self, at: usize) -> Checked<Option<Vec<u8>>> {
         if self.slots[at].mode == FAILED || !self.slots[at].has_logger {
             return Ok(None);
@@ -555,8 +556,8 @@ impl<'a> Fuzzer<'a> {
         }
     }
 
-    /// Calls functions with a null pointer as the instance. There is no logger then, so only the status reports the
-    /// error.
+    /// Calls functions with a null pointer as the instance. Without an instance there is no logger, so only the status
+    /// reports the error.
     fn without_instance(&mut self) -> Checked {
         self.note("a null pointer as the instance".to_owned());
         let null = self.raw.null();

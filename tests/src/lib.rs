@@ -1,7 +1,7 @@
 //! Shared code of the tests in this package.
 //!
 //! The tests access FMUs as any importer does: through the packed `.fmu` file and its C functions. They cover every
-//! file `*.fmu` in [`folder`], so a new model is tested when it is packed.
+//! file `*.fmu` in [`folder`], so a new model is tested as soon as it is packed.
 
 pub mod fuzz;
 pub mod life;
@@ -30,7 +30,7 @@ pub fn workspace() -> PathBuf {
 /// The output of a command that must succeed.
 ///
 /// # Panics
-/// If it fails, with its output.
+/// If the command fails; the message contains its output.
 #[track_caller]
 pub fn successful(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
@@ -39,7 +39,7 @@ pub fn successful(command: &mut Command) -> Output {
     output
 }
 
-/// The cargo in use.
+/// Path of the cargo that runs this program.
 #[must_use]
 pub fn cargo() -> std::ffi::OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
@@ -64,8 +64,8 @@ pub fn chassis() -> PathBuf {
 }
 
 fn program(name: &str) -> PathBuf {
-    // Built with a test and all packages, like `cargo test --workspace`: with other features, cargo would build
-    // everything again.
+    // The program is built with a test and all packages, like `cargo test --workspace`, because cargo would build
+    // everything again with other features.
     let targets = ["--workspace", "--bin", name, "--test", "commands"];
     let arguments =
         ["build", "--locked", "--offline", "--quiet", "--message-format", "json"].into_iter().chain(targets);
@@ -90,7 +90,7 @@ pub fn folder() -> PathBuf {
 /// Paths of all packed FMUs, sorted by name.
 ///
 /// # Panics
-/// If there is none.
+/// If there is no packed FMU.
 #[must_use]
 pub fn paths() -> Vec<PathBuf> {
     let paths = fmus_in(&folder());
@@ -125,7 +125,7 @@ fn fmus_in(folder: &Path) -> Vec<PathBuf> {
 /// All packed FMUs, sorted by name.
 ///
 /// # Panics
-/// If there is none, or one cannot be opened.
+/// If there is no FMU, or an FMU cannot be opened.
 #[must_use]
 pub fn all() -> Vec<Fmu> {
     paths().iter().map(|path| Fmu::open(path)).collect()
@@ -134,7 +134,7 @@ pub fn all() -> Vec<Fmu> {
 /// The FMUs of [`paths_of_fmi3`].
 ///
 /// # Panics
-/// As [`paths_of_fmi3`], or if one cannot be opened.
+/// In the same cases as [`paths_of_fmi3`], or if an FMU cannot be opened.
 #[must_use]
 pub fn all_of_fmi3() -> Vec<Fmu> {
     paths_of_fmi3().iter().map(|path| Fmu::open(path)).collect()
@@ -143,7 +143,7 @@ pub fn all_of_fmi3() -> Vec<Fmu> {
 /// All packed FMUs that provide directional derivatives; in this library, these are the plants.
 ///
 /// # Panics
-/// As [`all`].
+/// In the same cases as [`all`].
 #[must_use]
 pub fn plants() -> Vec<Fmu> {
     all().into_iter().filter(Fmu::is_plant).collect()
@@ -177,7 +177,7 @@ impl Fmu {
     /// Opens a file.
     ///
     /// # Panics
-    /// If it is missing or is not an FMU that runs here.
+    /// If the file is missing or is not an FMU for this platform.
     #[must_use]
     pub fn open(path: &Path) -> Self {
         Self::open_with(path, |_| ())
@@ -222,7 +222,7 @@ impl Fmu {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative)
     }
 
-    /// A new instance in Instantiated.
+    /// A new instance in the FMU state Instantiated.
     ///
     /// # Panics
     /// If the FMU returns an error.
@@ -254,10 +254,10 @@ impl Fmu {
         self.started_at(0.0)
     }
 
-    /// A step that fails with [`Self::failing_inputs`], in s.
+    /// Size in s of a step that fails with [`Self::failing_inputs`].
     pub const FAILING_STEP: f64 = 2.0;
 
-    /// Finite inputs for which the first step gives numbers that are not finite; `None` if none were found.
+    /// Finite inputs for which the first step gives numbers that are not finite; `None` if no such inputs were found.
     ///
     /// # Panics
     /// If the FMU rejects inputs that are finite.
@@ -267,7 +267,7 @@ impl Fmu {
         let start: Vec<_> =
             self.with(Causality::Input).filter(|input| input.base_type == BaseType::Real).map(signals::start).collect();
         let all = self.reals();
-        // One huge input, which overflows when it is integrated, or all inputs with alternating signs.
+        // One huge input, which overflows when it is integrated, or huge values of all inputs with alternating signs.
         let single = (0..start.len()).map(|i| {
             let mut values = start.clone();
             values[i] = HUGE;
@@ -283,10 +283,10 @@ impl Fmu {
         })
     }
 
-    /// A new instance in Instantiated with these values of the real inputs.
+    /// A new instance in the FMU state Instantiated, with these values of the real inputs.
     ///
     /// # Panics
-    /// If the FMU rejects them.
+    /// If the FMU rejects the values.
     #[must_use]
     pub fn instance_with(&self, inputs: &[f64]) -> Instance {
         let mut instance = self.instance();
@@ -341,7 +341,7 @@ impl Fmu {
     /// Value reference of the variable with this name.
     ///
     /// # Panics
-    /// If there is none.
+    /// If there is no variable with this name.
     #[must_use]
     pub fn reference(&self, name: &str) -> Reference {
         self.description.variable(name).unwrap_or_else(|| panic!("{} has no variable {name}", self.name)).reference
@@ -418,7 +418,7 @@ impl Configuration {
 /// The result of a call that must succeed.
 ///
 /// # Panics
-/// If it did not succeed, with the FMU's messages.
+/// If the call did not succeed; the message contains the FMU's messages.
 #[track_caller]
 pub fn ok<T>(result: Result<T, CallError>) -> T {
     match result {
@@ -430,7 +430,7 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
 /// The message of a call that must be rejected with fmi2Error.
 ///
 /// # Panics
-/// If it was not rejected, or rejected with another status or without a message.
+/// If the call was not rejected, or was rejected with another status or without a message.
 #[track_caller]
 pub fn rejected<T>(result: Result<T, CallError>) -> String {
     match result {

@@ -28,7 +28,7 @@ pub fn life(fmu: &Fmu) {
     ok(instance.restore_state(&copy));
     ok(instance.save_state_again(&saved));
     ok(instance.free_state(saved));
-    // Rejected calls, whose messages are allocated on the heap.
+    // Calls are rejected with messages that are allocated on the heap.
     rejected(instance.set_real(&[reals[0]], &[f64::NAN]));
     rejected(instance.get_integer(&[u32::MAX], &mut [0]));
     rejected(instance.do_step(1e3, STEP));
@@ -54,7 +54,7 @@ pub fn life(fmu: &Fmu) {
     ok(instance.exit_initialization_mode());
     drop(run(fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
     ok(instance.terminate());
-    // A step that fails in most FMUs; the result does not matter here.
+    // A step with these inputs fails in most FMUs; the result does not matter here.
     let mut failing = fmu.instance_with(&vec![1.7e308; excitation.references.len()]);
     ok(failing.enter_initialization_mode());
     ok(failing.exit_initialization_mode());

@@ -84,7 +84,7 @@ pub struct EventArguments {
 pub struct RawInstance<'a> {
     raw: &'a Raw,
     component: Component,
-    /// The FMU's logger writes here until the instance is freed.
+    /// The logger writes the FMU's messages here until the instance is freed.
     log: Option<Box<LogBook>>,
 }
 
@@ -113,7 +113,7 @@ impl LogBook {
     }
 }
 
-/// The logger; in C, more arguments follow `format`, which are not read.
+/// The logger. In C, more arguments follow `format`; they are not read.
 unsafe extern "C" fn note(
     environment: *mut c_void,
     name: *const c_char,
@@ -142,8 +142,8 @@ unsafe extern "C" fn note_fmi3(
     unsafe { note(environment, c"".as_ptr(), status, category, message) }
 }
 
-/// Returns true if an array can be passed with this length: it is long enough, or the length exceeds any memory, which
-/// the FMU rejects before it reads the array.
+/// Returns true if an array can be passed with this length: the array is long enough, or the length exceeds any memory,
+/// so the FMU rejects it before it reads the array.
 fn fits<T>(values: &[T], count: usize) -> bool {
     count <= values.len() || count > isize::MAX as usize / size_of::<T>()
 }
@@ -172,7 +172,7 @@ impl Raw {
     #[must_use]
     pub fn load(fmu: &Fmu) -> Self {
         let unpacked = unpack(fmu);
-        // SAFETY: the library is one of this project's, its initializers do nothing.
+        // SAFETY: the library belongs to this project, and its initializers do nothing.
         let library = unsafe { libloading::Library::new(&unpacked.binary) }.unwrap_or_else(|error| panic!("{error}"));
         Self { library, unpacked, guid: fmu.description.guid.clone(), version: fmu.description.fmi }
     }
@@ -229,7 +229,7 @@ impl Raw {
     /// fmi2Instantiate with a logger and loggingOn as given.
     ///
     /// # Errors
-    /// The FMU returns no instance; the error contains its messages.
+    /// The FMU returns no instance; the error contains the FMU's messages.
     pub fn instantiate_logging(
         &self,
         arguments: Arguments<'_>,
@@ -264,7 +264,7 @@ impl Raw {
         }
         let instantiate: c_api::Instantiate = self.function("fmi2Instantiate");
         let table = if arguments.callbacks { ptr::from_ref(&callbacks).cast() } else { ptr::null() };
-        // SAFETY: strings end with a zero, the struct has the layout of the FMI header; the FMU copies it.
+        // SAFETY: strings end with a zero; the struct has the layout of the FMI header, and the FMU copies it.
         let component = unsafe {
             instantiate(
                 text(arguments.name),
@@ -325,8 +325,7 @@ impl Raw {
         let logger: Logger = log.map(|_| note_fmi3 as c_api::v3::LogMessage);
         let EventArguments { mode_used, early_return, intermediate_variables } = arguments.events;
         // SAFETY: strings end with a zero; the types are those of the headers, with callbacks that may be null. The
-        // array of
-        // intermediate variables is null, which an FMU without them rejects by its length.
+        // array of intermediate variables is null; an FMU without such variables rejects it because of its length.
         unsafe {
             match arguments.kind {
                 0 => {
@@ -369,7 +368,7 @@ impl Raw {
 impl Drop for RawInstance<'_> {
     fn drop(&mut self) {
         let free: c_api::FreeInstance = self.raw.function("fmi2FreeInstance");
-        // SAFETY: freed once; FMUs ignore a null pointer.
+        // SAFETY: the instance is freed only once; FMUs ignore a null pointer.
         unsafe { free(self.component) };
     }
 }
@@ -437,7 +436,7 @@ impl RawState {
         Self(ptr::without_provenance_mut(address))
     }
 
-    /// Returns true if there is none.
+    /// Returns true if there is no state.
     #[must_use]
     pub fn is_null(self) -> bool {
         self.0.is_null()
@@ -463,7 +462,7 @@ pub fn keep_loaded(path: &Path, global: bool) {
     let load = || {
         use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LOCAL, RTLD_NOW};
         let space = if global { RTLD_GLOBAL } else { RTLD_LOCAL };
-        // SAFETY: the library is one of this project's, its initializers do nothing.
+        // SAFETY: the library belongs to this project, and its initializers do nothing.
         unsafe { Library::open(Some(path), RTLD_NOW | space) }
     };
     #[cfg(not(unix))]

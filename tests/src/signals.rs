@@ -1,4 +1,5 @@
-//! Inputs that excite any FMU without knowledge of its model: smooth, deterministic, with an amplitude by the unit of measure.
+//! Inputs that excite any FMU without knowledge of its model. They are smooth and deterministic, and the unit of a
+//! variable determines the amplitude.
 
 use crate::{Fmu, Instance, bits, ok};
 use fmu_import::c_api::Reference;
@@ -30,7 +31,8 @@ impl Random {
     }
 }
 
-/// A small deviation of a variable from its start value, by its unit: the tires stay on the road and unsaturated.
+/// A small deviation of a variable from its start value, which depends on the unit. With such deviations, the tires
+/// stay on the road and do not saturate.
 #[must_use]
 pub fn scale(variable: &Variable) -> f64 {
     if variable.name.starts_with("wheel_speed") {
@@ -46,7 +48,7 @@ pub fn scale(variable: &Variable) -> f64 {
     }
 }
 
-/// Start value of a real variable; 0 where there is none.
+/// Start value of a real variable; 0 if it has no start value.
 #[must_use]
 pub fn start(variable: &Variable) -> f64 {
     match variable.start {
@@ -72,7 +74,7 @@ pub fn is_magnitude(variable: &Variable) -> bool {
 pub struct Excitation {
     /// Value references of the real inputs.
     pub references: Vec<Reference>,
-    /// Offset, amplitude, angular frequency (rad/s) and phase of each.
+    /// Offset, amplitude, angular frequency (rad/s) and phase of each input.
     waves: Vec<[f64; 4]>,
 }
 

@@ -1,8 +1,8 @@
 //! Changes values in the bytes of a saved state.
 //!
-//! Some states start from parameters and cannot be set, but the tests of the model structure must change them one by
-//! one. Other tests craft states that no run reaches. The crate `fmu` defines the format (`state_bytes`): a magic
-//! number, the format version, version and interface of FMI (4 bytes), the GUID with its length, the FMU state (4
+//! Some continuous states start from parameters and cannot be set, but the tests of the model structure must change
+//! them one by one. Other tests craft states that no run reaches. The crate `fmu` defines the format (`state_bytes`): a
+//! magic number, the format version, version and interface of FMI (4 bytes), the GUID with its length, the FMU state (4
 //! bytes), the start time, a flag for a stop time (4 bytes), the stop time, the time, the number of samples, then the
 //! real values in the order of their references, little endian. The last eight bytes are the FNV-1a checksum of all
 //! bytes before them.
@@ -27,7 +27,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// The positions in the states of the FMU with this GUID.
+    /// The positions in the serialized states of the FMU with this GUID.
     #[must_use]
     pub fn of(guid: &str) -> Self {
         Self { first: GUID_AT + guid.len() + BETWEEN_GUID_AND_REALS }
@@ -90,7 +90,7 @@ impl Place {
 /// The bytes of an instance's state.
 ///
 /// # Panics
-/// If the FMU does not save it.
+/// If the FMU does not save its state.
 #[must_use]
 pub fn state(instance: &mut Instance) -> Vec<u8> {
     let saved = ok(instance.save_state());

@@ -15,7 +15,7 @@ pub fn format(library: &[u8]) -> (BinaryFormat, Architecture) {
     (file.format(), file.architecture())
 }
 
-/// Names that a library defines for others, sorted.
+/// Names that a library exports, sorted.
 ///
 /// # Panics
 /// If the bytes are not a library.
@@ -28,7 +28,7 @@ pub fn exported(library: &[u8]) -> Vec<String> {
     names
 }
 
-/// Functions of other libraries that a library calls, sorted.
+/// Names of the functions that a library imports from other libraries, sorted.
 ///
 /// # Panics
 /// If the bytes are not a library.
@@ -55,7 +55,7 @@ pub fn is_inexact(function: &str) -> bool {
     [function, function.strip_suffix(['f', 'l']).unwrap_or(function)].iter().any(|name| INEXACT.contains(name))
 }
 
-/// Libraries that a Windows library requires, sorted, in lower case because Windows ignores case.
+/// Names of the libraries that a Windows library requires: sorted, and in lower case because Windows ignores case.
 ///
 /// # Panics
 /// If the bytes are not a library.
@@ -71,7 +71,7 @@ pub fn imported_libraries(library: &[u8]) -> Vec<String> {
 }
 
 /// The newest version of the GNU C library that a 64-bit ELF library requires, such as (2, 17); `None` if it requires
-/// none, as with another C library.
+/// no version, for example because it uses another C library.
 ///
 /// # Errors
 /// The bytes are not such a library.
@@ -91,7 +91,7 @@ pub fn newest_glibc(library: &[u8]) -> read::Result<Option<(u32, u32)>> {
     Ok(newest)
 }
 
-/// `GLIBC_2.2.5` to (2, 2); the third number is not needed.
+/// Converts `GLIBC_2.2.5` to (2, 2); the third number is not needed.
 fn glibc_version(name: &str) -> Option<(u32, u32)> {
     let mut numbers = name.strip_prefix("GLIBC_")?.split('.').map(str::parse);
     Some((numbers.next()?.ok()?, numbers.next()?.ok()?))

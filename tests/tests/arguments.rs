@@ -1,4 +1,4 @@
-//! Wrong arguments are rejected with fmi2Error and, if there is a logger, a message, and change nothing.
+//! Wrong arguments are rejected with fmi2Error and, if there is a logger, with a message. They change nothing.
 //!
 //! Reference: FMI 2.0.4, sections 2.1.3 (status) and 2.2.7 (which variables can be set when), and ARCHITECTURE.md
 //! ("Status"): the message of a rejected call names the value, the place and the rule; the call changes nothing and
@@ -84,7 +84,7 @@ fn numbers_that_are_not_finite_are_rejected() {
                 rejects(&mut instance, &[&variable.name, "finite"], |i| i.set_real(&[variable.reference], &[value]));
             }
         }
-        // If one of several values is rejected, none is set.
+        // If one of several values is rejected, none of these values is set.
         let inputs = fmu.references(Causality::Input);
         if inputs.len() > 1 {
             rejects(&mut instance, &["NaN"], |i| i.set_real(&inputs[..2], &[1.0, f64::NAN]));
@@ -107,7 +107,8 @@ fn numbers_outside_their_limits_are_rejected() {
                     ] {
                         let (Some(limit), Some(outside)) = (limit, outside) else { continue };
                         rejects(&mut instance, &[&variable.name, "must be"], |i| i.set_real(&reference, &[outside]));
-                        // The limit itself is allowed. The end of initialization checks whether it can be simulated.
+                        // The limit itself is an allowed value. Whether a simulation with this value is possible is
+                        // checked at the end of initialization.
                         ok(instance.set_real(&reference, &[limit]));
                         ok(instance.set_real(&reference, &[start(variable)]));
                         reals_checked += 1;
@@ -152,7 +153,7 @@ fn every_variable_can_be_set_when_the_standard_says_so_and_not_otherwise() {
             let (at_start, later) = match variable.causality {
                 Causality::Input => (true, true),
                 Causality::Parameter => (true, variable.variability == Variability::Tunable),
-                // initial = exact: states, and the held outputs of discrete-time models.
+                // States, and the held outputs of discrete-time models, have initial = exact.
                 Causality::Output | Causality::Local => (has_start, false),
                 Causality::CalculatedParameter | Causality::Independent | Causality::StructuralParameter => {
                     (false, false)
@@ -218,7 +219,7 @@ fn impossible_times_are_rejected() {
         for step in [0.0, -0.001, f64::NAN, f64::INFINITY] {
             rejects(&mut instance, &["communicationStepSize"], |i| i.do_step(0.0, step));
         }
-        // The time must agree with the instance's, with a tolerance of a millionth of the step.
+        // The time must agree with the instance's time to within a millionth of the step.
         for time in [0.001, -0.001, 2e-9, f64::NAN] {
             rejects(&mut instance, &["currentCommunicationPoint"], |i| i.do_step(time, 0.001));
         }
@@ -283,7 +284,7 @@ fn null_pointers_are_rejected_or_ignored_but_never_followed() {
         ] {
             assert!(raw.instantiate(bad).is_none(), "{}: {bad:?}", fmu.name);
         }
-        // Many masters pass neither a folder, to FMUs without resources, nor a logger.
+        // Many masters pass no logger, and no folder to FMUs without resources.
         let instance = raw.instantiate(Arguments { resources: None, ..good }).expect("no folder is needed");
         let output = [fmu.references(Causality::Output)[0]];
         everything_is_rejected(&raw.null(), &output);
@@ -427,7 +428,7 @@ fn damaged_bytes_of_a_state_are_rejected() {
         check(&good[..8]);
         check(&[&good[..], &[0]].concat());
         check(&vec![0; good.len()]);
-        // A bit is flipped in every byte at the beginning and the end, and in random bytes between.
+        // A bit is flipped in each byte at the beginning and at the end, and in random bytes in between.
         let middle = (0..64).map(|_| random.below(good.len() as u64) as usize);
         for position in (0..64).chain(good.len() - 16..good.len()).chain(middle) {
             let mut bytes = good.clone();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// Results of a call of the command.
+/// Results of a run of the command.
 struct Assessed {
     output: Output,
     json: Option<Value>,
@@ -71,13 +71,14 @@ fn near(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{found} instead of {expected}");
 }
 
-/// Reference: an independent implementation of test bench, driver, brakes and car (to its printed digits), and the
-/// margins of its run at 75 km/h. For the understeer gradient: the closed form of the linear car, from which the
-/// nonlinear tires deviate by 3 %.
+/// Reference: an independent implementation of test bench, driver, brakes and car, compared to its printed digits, and
+/// the margins of its run at 75 km/h. The reference for the understeer gradient is the closed form of the linear car,
+/// from which the nonlinear tires deviate by 3 %.
 #[test]
 fn the_car_has_the_numbers_of_an_independent_bench() {
     let found = assess(&["EspCar", "--with", "DirectYawControl", "--with", "AntilockBraking"]);
-    // The displacement in sine with dwell and the steering on split friction are outside their limits.
+    // The displacement in sine with dwell and the steering on split friction exceed their limits, so the exit code is
+    // 1.
     assert_eq!(found.code(), Some(1), "{}", found.errors());
     near(found.number("slowly_increasing_steer.A", "without"), 20.6, 1e-9);
     near(found.number("slowly_increasing_steer.understeer_gradient", "without"), 0.001_916, 5e-7);
@@ -105,7 +106,7 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
     near(found.number("split_friction.steering_wheel_peak_2s", "with"), 504.0, 0.5);
     near(found.number("split_friction.steering_wheel_peak", "with"), 636.0, 0.5);
     near(found.number("split_friction.lateral_peak", "with"), 0.74, 5e-3);
-    // The bisection of the reference has a resolution of 1.25 km/h, ours of 0.5 km/h.
+    // The bisection has a resolution of 1.25 km/h in the reference, and of 0.5 km/h in this test bench.
     for (id, system, speed) in [
         ("iso3888_1", "without", 78.75),
         ("iso3888_1", "with", 78.75),
@@ -127,7 +128,7 @@ fn the_car_has_the_numbers_of_an_independent_bench() {
 /// Reference: closed form of the linear single-track model (understeer gradient, and step response at 80 km/h).
 /// Tolerances: the slowly increasing steer is not quite a steady state; its lag changes the gradient by less than 0.1
 /// %. The step response depends on the ramp of 0.1 s, as in the reference, and on the row interval of 1 ms. The
-/// frequency response is interpolated between lines 0.2 Hz apart.
+/// frequency response is interpolated between frequencies that are 0.2 Hz apart.
 #[test]
 fn the_bicycle_car_has_its_closed_form() {
     let found = assess(&["BicycleCar", "--suite", "handling"]);
@@ -137,7 +138,7 @@ fn the_bicycle_car_has_its_closed_form() {
     near(found.number("step_steer.yaw_rate.overshoot", "without"), 0.050_101, 1e-5);
     near(found.number("step_steer.yaw_rate.response_time", "without"), 0.191_738_8, 1e-5);
     near(found.number("frequency_response.yaw_rate.bandwidth", "without"), 1.802_095, 0.02);
-    // The runs to the left and to the right are mirror images, to all digits in the file.
+    // The runs to the left and to the right are mirror images in all digits in the file.
     let sides: Vec<&Value> = found.runs("slowly_increasing_steer.").map(|run| &run["metrics"]).collect();
     assert_eq!(sides.len(), 2);
     assert_eq!(sides[0], sides[1]);
@@ -231,8 +232,8 @@ fn a_strangers_plant_is_assessed_by_other_names() {
     assert!(message.contains("[signals]"), "{message}");
 }
 
-/// Changes the units in a plant's description; `units` has variable, actual unit and declared unit. Base units of the
-/// latter are added, if they have any.
+/// Changes the units in a plant's description; `units` has variable, actual unit and declared unit. The base units of
+/// the declared units are added, if there are any.
 fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
     let definitions = [
         ("deg/s", "s=\"-1\" rad=\"1\" factor=\"0.017453292519943295\""),
@@ -276,12 +277,12 @@ fn signals_are_converted_by_their_declared_units() {
         let expected = factor * ours.number(id, "without");
         near(found.number(id, "without"), expected, 1e-8 * expected);
     }
-    // The unit in the vehicle file takes precedence over the FMU's unit: 1 rad/s is 1 rad/s again.
+    // The unit in the vehicle file takes precedence over the unit in the FMU, so 1 rad/s is 1 rad/s again.
     let vehicle = folder.path().join("vehicle.toml");
     std::fs::write(&vehicle, "[signals]\n\"vehicle.yaw_rate\" = { unit = \"rad/s\" }\n").unwrap();
     let given = assess_with(&folders, &[&["Degrees", "--vehicle", vehicle.to_str().unwrap()][..], &handling].concat());
     assert_eq!(given.json()["metrics"], ours.json()["metrics"]);
-    // The car is linear, so 0.3 g is reached with 1 / 9.80665 of the steering.
+    // The car is linear, so 0.3 g is reached with 1 / 9.80665 of the usual steering angle.
     edited(folder.path(), "BicycleCar", "Gravity", |text| {
         in_units(text, &[("vehicle.lateral_acceleration", "m/s2", "g"), ("vehicle.mass", "kg", "t")])
     });
@@ -342,7 +343,8 @@ fn signals_in_other_units_are_refused_where_nothing_converts_them() {
     assert!(found.errors().contains("the plant declares no unit of `vehicle.yaw_rate` (rad/s)"), "{}", found.errors());
 }
 
-/// For a plant without geometry parameters, metrics that need the wheelbase are left out, and all others are unchanged.
+/// For a plant without geometry parameters, the metrics that need the wheelbase are left out. All other metrics are
+/// unchanged.
 #[test]
 fn a_plant_without_geometry_loses_what_needs_it() {
     let folder = TempDir::new().unwrap();
@@ -367,7 +369,7 @@ fn a_plant_without_geometry_loses_what_needs_it() {
     }
 }
 
-/// Without a load transfer ratio, fishhook and J-turn lose only that metric.
+/// Without a load transfer ratio, only this metric is missing in fishhook and J-turn.
 #[test]
 fn a_plant_without_load_transfer_loses_one_number() {
     let folder = TempDir::new().unwrap();
@@ -407,12 +409,13 @@ fn a_strangers_controller_is_wired_by_other_names() {
     assert!(ours.number("braking.distance", "with") < ours.number("braking.distance", "without") - 5.0);
     // The file overrides only some of the library's vehicle data.
     assert_eq!(theirs.json()["vehicle"], ours.json()["vehicle"]);
-    // With the library's names, neither wheel speeds nor pressures are connected.
+    // Without the file, the bench looks for the library's names, so neither wheel speeds nor pressures are connected.
     let unknown = of(&["--with", "TheirBrakes"]);
     assert_eq!(unknown.json()["idle"], serde_json::json!(["TheirBrakes"]));
 }
 
-/// Brakes and antilock control read each other. This cycle is broken at the first of them on the command line.
+/// Brakes and antilock control read each other's outputs. This cycle is broken at whichever of the two is first on the
+/// command line.
 #[test]
 fn the_order_of_the_command_line_counts() {
     let of = |units: &[&str]| assess(&[&["EspCar", "--suite", "braking"][..], units].concat());
@@ -422,7 +425,7 @@ fn the_order_of_the_command_line_counts() {
     assert_eq!(controller.bytes, by_default.bytes);
     let distance = |found: &Assessed, system| found.number("braking.distance", system);
     assert_eq!(distance(&controller, "without"), distance(&brakes, "without"));
-    // One of them reads a pressure that is one step older.
+    // In one of the two orders, a pressure is read one step later.
     assert!(distance(&controller, "with") != distance(&brakes, "with"));
     near(distance(&controller, "with"), distance(&brakes, "with"), 1.0);
 }
@@ -439,8 +442,7 @@ fn the_driver_can_be_set() {
     }
 }
 
-/// Reference: the symmetry of car, track and driver. A mirrored track gives the same margins, to all digits in the
-/// file.
+/// Reference: the symmetry of car, track and driver. A mirrored track gives the same margins in all digits in the file.
 #[test]
 fn a_mirrored_track_has_the_same_margins() {
     let of = |more: &[&str]| assess(&[&["EspCar", "--suite", "stability", "--quick"][..], more].concat());
@@ -481,7 +483,7 @@ fn maneuvers_that_are_left_out_are_reported() {
     assert!(dropped.len() == 3 && dropped.iter().all(|one| !one["missing"].as_array().unwrap().is_empty()));
 }
 
-/// An FMU that returns an error ends its run with an error. The rows before it are kept.
+/// An FMU that returns an error ends its run with an error. The rows before the error are kept.
 #[test]
 fn a_run_that_breaks_down_is_an_error() {
     let found =
@@ -495,7 +497,7 @@ fn a_run_that_breaks_down_is_an_error() {
     assert_eq!(run["rows"], 1001);
     assert!(found.junit.contains("classname=\"run\" name=\"slowly_increasing_steer.left\">\n    <error message="));
     assert!(found.row("slowly_increasing_steer.A")["without"].is_null());
-    // A vehicle whose yaw rate grows beyond bounds.
+    // A vehicle whose yaw rate grows without bound.
     let found = assess(&["BicycleCar", "--suite", "handling", "--set", "bicycle_car:vehicle.yaw_inertia=1"]);
     assert_eq!(found.code(), Some(1));
     let run = found.runs("slowly_increasing_steer.left").next().expect("a run");
@@ -515,8 +517,8 @@ fn a_driver_off_the_path_is_a_result() {
     assert_eq!(found.row("iso3888_1.max_entry_speed")["reason"], "it fails at 30 km/h");
 }
 
-/// Reference: an independent implementation of test bench, driver, vehicles and controllers, to its printed digits. The
-/// bisection of the reference has a resolution of 1.25 km/h, ours of 0.5 km/h.
+/// Reference: an independent implementation of test bench, driver, vehicles and controllers, compared to its printed
+/// digits. The bisection has a resolution of 1.25 km/h in the reference, and of 0.5 km/h in this test bench.
 #[track_caller]
 fn has_numbers_of_an_independent_bench(found: &Assessed, numbers: &[(&str, &str, f64, f64)]) {
     for (id, system, expected, tolerance) in numbers {
@@ -558,7 +560,8 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
     let said = String::from_utf8_lossy(&found.output.stdout).into_owned();
     assert!(said.contains("lost the path with controllers: iso3888_2.20.0000"), "{said}");
     assert!(said.contains("(with: it fails at 20 km/h)"), "{said}");
-    // A metric with an upper bound below the other value is worse; an unknown metric cannot be compared.
+    // If only an upper bound of a metric is known and the bound is below the other system's value, the metric is worse.
+    // A metric without a value cannot be compared.
     let speed = found.row("iso3888_2.max_entry_speed");
     assert_eq!((&speed["with"], &speed["judgment"]), (&Value::Null, &"worse".into()));
     assert_eq!(speed["reason"], "it fails at 20 km/h");
@@ -574,7 +577,7 @@ fn the_heavy_vehicle_has_the_numbers_of_an_independent_bench() {
     let controllers =
         ["--with", "YawRateReference", "--with", "ActiveFrontSteering", "--with", "AllWheelSteering", "--quick"];
     let suites = ["HeavyVehicle", "--suite", "stability", "--suite", "rollover"];
-    // A user's limit fails if the metric is undefined.
+    // A limit given by the user is not met if the metric is undefined.
     let found = assess(&[&suites[..], &controllers, &["--require", "iso3888_2.max_entry_speed=20"]].concat());
     assert_eq!(found.code(), Some(1), "{}", found.errors());
     let speed = found.row("iso3888_2.max_entry_speed");
@@ -603,7 +606,7 @@ fn the_coordinated_car_has_the_numbers_of_an_independent_bench() {
     has_numbers_of_an_independent_bench(&found, &numbers);
     let seed = found.runs("ride.c.1").find(|run| run["system"] == "with").expect("a run");
     near(seed["metrics"]["vibration_total"].as_f64().unwrap(), 0.605, 1e-3);
-    // The class in ISO 2631-1 for 0.5 to 0.8 m/s2.
+    // The class in ISO 2631-1 for vibrations of 0.5 to 0.8 m/s2.
     let words = &found.row("ride.c.vibration_total")["words"];
     assert_eq!(*words, serde_json::json!({ "without": "fairly uncomfortable", "with": "fairly uncomfortable" }));
 }
@@ -640,13 +643,13 @@ fn a_parameter_set_gives_values() {
     ];
     let of_line = assess(&[&braking[..], &given].concat());
     assert!(!of_file.bytes.is_empty(), "{}", of_file.errors());
-    // Equal except for the values as written, such as "50 bar/s" and "5".
+    // The results are equal except for the spelling of the values, such as "50 bar/s" and "5".
     let results = |found: &Assessed| {
         let mut json = found.json.clone().expect("an assessment");
         json.as_object_mut().expect("an object").remove("set").map(|set| (set.as_array().map(Vec::len), json))
     };
     assert!(results(&of_file) == results(&of_line), "{}", of_line.errors());
-    // The file lowers the friction, so the braking distance is longer than without it.
+    // The file lowers the friction, so the braking distance is longer than without the file.
     assert!(of_file.number("braking.distance", "with") > 80.0);
 }
 
@@ -667,7 +670,7 @@ fn the_driver_can_know_each_system() {
             near(run["parameters"]["amplitude"].as_f64().unwrap(), 8.0 * amplitude, 1e-6);
         }
     }
-    // The understeer gradient with controllers is twice the one without.
+    // The understeer gradient with controllers is twice the understeer gradient without controllers.
     let deviation = |found: &Assessed| found.number("single_lane_change.deviation_peak", "with");
     assert!((deviation(&usual) - deviation(&adapted)).abs() > 1e-3);
 }

@@ -14,7 +14,7 @@ use tests::raw::{
 };
 use tests::{Fmu, all, all_of_fmi3, ok};
 
-/// States: a letter, and the name in messages.
+/// FMU states: the letter in the tables below, and the name in messages.
 const STATES: [(char, &str); 7] = [
     ('i', "Instantiated"),
     ('n', "Initialization Mode"),
@@ -34,11 +34,11 @@ struct Subject<'a> {
     raw: &'a Raw,
     interface: Interface,
     column: usize,
-    /// True if it has Event Mode in co-simulation of FMI 3.0.
+    /// True if the FMU has Event Mode in co-simulation of FMI 3.0.
     has_event_mode: bool,
     /// Bytes of a state.
     bytes: Vec<u8>,
-    /// Inputs of a step that fails.
+    /// Inputs with which a step fails.
     failing: Option<Vec<f64>>,
 }
 
@@ -49,7 +49,8 @@ type Call = fn(&Subject<'_>, &RawInstance<'_>, RawState) -> RawStatus;
 const NO: &str = "-";
 const NEVER: &str = "";
 
-/// A row: function, by its name in FMI 2.0 if it has one; the states in which each column allows it; the call.
+/// Each row contains a function, by its name in FMI 2.0 if it has one; the FMU states in which it is allowed, for each
+/// of [`COLUMNS`]; and a call.
 const TABLE: &[(&str, [&str; 4], Call)] = &[
     ("fmi2SetDebugLogging", ["insft", "inect", "inseft", "inect"], |_, i, _| i.set_all_logging(1)),
     ("fmi2SetupExperiment", ["i", "i", NO, NO], |_, i, _| i.setup_experiment(0.0)),
@@ -87,7 +88,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
         i.state_size(saved, Some(&mut 0))
     }),
     ("fmi2SerializeFMUstate", ["insft", "inect", "inseft", "inect"], |s, i, saved| {
-        // A state saved before the start is at most as large as the subject's state.
+        // The state, which was saved before the start, is at most as large as the subject's state.
         let size = 2 * s.bytes.len();
         i.serialize(saved, Some(&mut vec![0; size]), size)
     }),
@@ -102,7 +103,8 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
     ("fmi3EvaluateDiscreteStates", [NO, NO, "e", "e"], |_, i, _| i.transition("fmi3EvaluateDiscreteStates")),
     ("fmi2EnterContinuousTimeMode", [NEVER, "e", NEVER, "e"], |_, i, _| i.transition("fmi2EnterContinuousTimeMode")),
     ("fmi2CompletedIntegratorStep", [NEVER, "c", NEVER, "c"], |_, i, _| i.completed_integrator_step(Some(&mut [0; 2]))),
-    // In FMI 2.0, allowed in Event Mode for models without continuous states; these FMUs accept it for all models.
+    // FMI 2.0 allows this function in Event Mode only for models without continuous states; these FMUs accept it for
+    // all models.
     ("fmi2SetTime", [NEVER, "ec", NEVER, "c"], |_, i, _| i.set_time(0.0)),
     ("fmi2SetContinuousStates", [NEVER, "c", NEVER, "c"], |s, i, _| {
         let states = vec![0.0; s.fmu.states().len()];
@@ -133,7 +135,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
     }),
     ("fmi3EnterStepMode", [NO, NO, "e", NEVER], |_, i, _| i.transition("fmi3EnterStepMode")),
     ("fmi2DoStep", ["s", NEVER, "s", NEVER], |s, i, _| do_step(s, i, 0.001)),
-    // Allowed only while a step is pending, which does not happen with these FMUs.
+    // This function is allowed only while a step is pending, but no step of these FMUs is ever pending.
     ("fmi2CancelStep", [NEVER, NEVER, NO, NO], |_, i, _| i.transition("fmi2CancelStep")),
     ("fmi2GetStatus", ["sft", NEVER, NO, NO], |_, i, _| i.status(0)),
     ("fmi2GetRealStatus", ["sft", NEVER, NO, NO], |_, i, _| i.real_status(2, Some(&mut 0.0))),
@@ -174,7 +176,8 @@ const NOT_PROVIDED: [&str; 4] = [
     "fmi3EnterConfigurationMode",
 ];
 
-/// Differences between the FMUs and the standard: function, column, states, true if the FMUs accept the call.
+/// Differences between the FMUs and the standard: the function, the column, the FMU states, and whether the FMUs accept
+/// the call.
 const DIFFERENCES: &[(&str, usize, &str, bool)] = &[
     // After a failed step, the FMUs do not save their state (ARCHITECTURE.md, "Status").
     ("fmi2GetFMUstate", 0, "f", false),
@@ -183,9 +186,9 @@ const DIFFERENCES: &[(&str, usize, &str, bool)] = &[
     ("fmi2GetRealOutputDerivatives", 0, "sft", false),
     // As in FMI 2.0, an importer can terminate after a failed step.
     ("fmi2Terminate", 2, "f", true),
-    // As in FMI 2.0, where the call has no effect.
+    // Accepted as in FMI 2.0, where the call has no effect.
     ("fmi2EnterEventMode", 3, "e", true),
-    // As in FMI 2.0, because some importers set the time of an event after entering Event Mode.
+    // Accepted as in FMI 2.0, because some importers set the time of an event after entering Event Mode.
     ("fmi2SetTime", 3, "e", true),
     // The nominal values never change.
     ("fmi2GetNominalsOfContinuousStates", 3, "i", true),
@@ -225,8 +228,8 @@ impl<'a> Subject<'a> {
         self.raw.instantiate_logging(arguments, 0).expect("an instance")
     }
 
-    /// A new instance in an FMU state, with a state that it has saved; `None` if the FMU cannot get there, because no
-    /// input makes a step fail or it has no Event Mode.
+    /// A new instance in an FMU state, with a state that it has saved. `None` if the FMU cannot reach this FMU state,
+    /// because no input makes a step fail or the FMU has no Event Mode.
     fn bring(&self, letter: char) -> Option<(RawInstance<'_>, RawState)> {
         if (self.column, letter, self.has_event_mode) == (2, 'e', false) {
             return None;
@@ -282,7 +285,7 @@ impl<'a> Subject<'a> {
         found.unwrap_or_else(|| panic!("no state in: {text}")).0
     }
 
-    /// Returns true if a call is accepted in a state.
+    /// Returns true if a call must be accepted in an FMU state.
     fn is_accepted(&self, function: &str, columns: [&str; 4], letter: char) -> bool {
         let difference = DIFFERENCES
             .iter()
@@ -308,7 +311,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Calls a function in a state.
+    /// Calls a function in an FMU state, and checks the response.
     fn check(
         &self,
         function: &str,
@@ -436,7 +439,7 @@ fn every_function_in_every_state(fmus: &[Fmu]) -> Vec<String> {
 #[test]
 fn every_function_in_every_state_of_fmi_2() {
     let failed = every_function_in_every_state(&all());
-    // A plant's values can overflow in a step. Without such an FMU, Step Failed would not be tested.
+    // A step can fail because values of a plant overflow. Without such an FMU, Step Failed would not be tested.
     assert!(failed.iter().any(|name| name == "RescueVehicle"), "no failed step of RescueVehicle, only of {failed:?}");
 }
 

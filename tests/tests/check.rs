@@ -1,6 +1,6 @@
 //! `cargo fmu check` has no findings in the library, and finds each of many defects.
 //!
-//! Reference: FMI 2.0.4, sections 2.2 and 4.3. Each defect is introduced into a valid FMU.
+//! Reference: FMI 2.0.4, sections 2.2 and 4.3. The tests introduce each defect into a valid FMU.
 #![cfg(unix)]
 
 use fmu_check::{Event, Finding, Options, Severity, check};
@@ -80,7 +80,7 @@ impl Patient {
         findings(&path)
     }
 
-    /// Checks that a finding contains these words; returns all findings.
+    /// Checks that a finding with this severity contains `words`; returns all findings.
     #[track_caller]
     fn has(self, severity: Severity, words: &str) -> Vec<Finding> {
         let findings = self.findings();
@@ -147,7 +147,7 @@ fn defects_of_a_description() {
     for (from, to, words) in DEFECTS {
         patient().describe(from, to).has(Severity::Error, words);
     }
-    // Allowed, but both outputs are the same variable.
+    // This is allowed, but the two outputs are then the same variable.
     patient().describe("valueReference=\"9\"", "valueReference=\"8\"").has(Severity::Warning, "they can never differ");
 }
 

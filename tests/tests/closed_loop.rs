@@ -1,9 +1,9 @@
 //! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the importer.
 //!
 //! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the numbers that the independent
-//! implementation behind `references/` printed for steady states. These numbers are strings with the printed digits.
-//! Tolerance: one unit of the last digit, half of it for rounding, the rest for the transient that remains after 14 s.
-//! All other values are compared bit by bit or follow from a formula.
+//! implementation behind `references/` printed for steady states. The tests contain these numbers as strings with the
+//! printed digits. The tolerance is one unit of the last digit: half of it for rounding, the rest for the transient
+//! that remains after 14 s. All other values are compared bit by bit or follow from a formula.
 
 use fmu_import::description::Causality;
 use fmu_import::loader::Instance;
@@ -65,7 +65,7 @@ from = "driver:driver.speed"
 to = "road:vehicle.speed"
 "#;
 
-/// A scenario on a smooth road that ends at `stop`.
+/// A scenario on a smooth road, with the stop time `stop`.
 fn smooth(stop: f64, rest: &str) -> String {
     scenario(stop, &[DRIVER, CONTROLLERS, SMOOTH, rest])
 }
@@ -148,7 +148,7 @@ fn peak(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |peak, value| peak.max(value.abs()))
 }
 
-/// Compares with a printed number; see the top of this file.
+/// Compares a value with a printed number, with the tolerance that is stated at the top of this file.
 #[track_caller]
 fn assert_printed(what: &str, found: f64, printed: &str) {
     let expected: f64 = printed.parse().expect("a printed number");
@@ -157,8 +157,8 @@ fn assert_printed(what: &str, found: f64, printed: &str) {
     assert!((found - expected).abs() <= unit, "{what} = {found}, expected {printed}");
 }
 
-/// Constant steering of 0.05 rad with linear tires: yaw rate divided by the tangent of the front angle, sideslip, and
-/// the angles of the rear axles.
+/// With a constant steering angle of 0.05 rad and linear tires, compares the yaw rate divided by the tangent of the
+/// front angle, the sideslip, and the angles of the rear axles.
 #[test]
 fn yaw_gain_at_four_speeds() {
     let text = smooth(
@@ -214,8 +214,8 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
         let gain = results.last(&run, "vehicle.yaw_rate") / front.tan();
         assert_printed(&format!("{run}: yaw gain"), gain, zero_sideslip);
         // The yaw gain from the formula u/(a + m_f u^2/C_F) with the data in the model's README: the front axle carries
-        // a third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. Because of the integral action, only the error
-        // of the remaining transient is left.
+        // a third of 36 t, the cornering stiffness of its tires is 2 * 300 kN/rad, and a = 7.55/3 m. Because of the
+        // integral action, the only error is the remaining transient.
         let u: f64 = speed / 3.6;
         let formula = u / (7.55 / 3.0 + 12_000.0 * u * u / 600_000.0);
         assert!((gain / formula - 1.0).abs() < 1e-6, "{run}: {gain}, the formula gives {formula}");
@@ -233,7 +233,7 @@ signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*
 /// A demand above the maximum angle gives the angle that the speed allows.
 #[test]
 fn front_axle_is_limited_by_the_speed() {
-    // A wait of 1 s, then a ramp of 3.2 s to 32 degrees, at 10 degrees per second.
+    // After 1 s, the angle rises to 32 degrees within 3.2 s, at 10 degrees per second.
     let text = smooth(
         5.0,
         r#"
@@ -312,8 +312,8 @@ fn assert_steady_step(results: &Results) {
     }
     assert_printed("roll", results.last("coordination", "body.roll"), "0.063542");
     assert_printed("load transfer", results.last("coordination", "vehicle.load_transfer_ratio"), "0.314181");
-    // Figure 11 of the paper: in a left turn the actuators push up on the right and pull down on the left, harder with
-    // coordination.
+    // Figure 11 of the paper: in a left turn, the actuators push up on the right and pull down on the left; with
+    // coordination, their forces are greater.
     for (run, force) in [("individual", "442.60"), ("coordination", "2861.93")] {
         for (left, right) in LEFT_AND_RIGHT {
             for (wheel, sign) in [(left, -1.0), (right, 1.0)] {
@@ -345,7 +345,7 @@ fn steady_state_after_a_step_steer() {
 
 #[test]
 fn both_suspension_laws_fully_on_are_unstable() {
-    // A slight disturbance, a driver who steers by 1e-6 rad, grows until the actuators are at their limit of 100 kN.
+    // The driver steers by only 1e-6 rad, but the response grows until the actuators are at their limit of 100 kN.
     const LIMIT: f64 = 100_000.0;
     let text = smooth(
         6.0,
@@ -410,7 +410,7 @@ signals = ["coordination:weight.steering", "steering:*", "plant:*"]
     for wheel in LEFT_AND_RIGHT.iter().flat_map(|(left, right)| [left, right]) {
         for run in ["standing", "individual"] {
             let slip = peak(results.column(run, &format!("tire_slip_angle.{wheel}")));
-            // An arctangent minus the angle of an axle, at most 32 degrees.
+            // A slip angle is an arctangent minus the angle of an axle, which is at most 32 degrees.
             assert!(slip <= std::f64::consts::FRAC_PI_2 + 32.0_f64.to_radians(), "{run}: slip angle {slip} of {wheel}");
         }
     }
@@ -451,7 +451,7 @@ fn results_do_not_depend_on_threads() {
     let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
     let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
     let alone: Vec<_> = plan.runs.iter().map(one).collect();
-    // All runs at the same time, with libraries that are loaded once.
+    // All runs take place at the same time, with libraries that are loaded once.
     let together: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = plan.runs.iter().map(|run| scope.spawn(move || one(run))).collect();
         threads.into_iter().map(|thread| thread.join().expect("it does not panic")).collect()
@@ -461,7 +461,7 @@ fn results_do_not_depend_on_threads() {
     }
 }
 
-/// The loop as a user would write it: signals by name, components in order, without a bus or a plan.
+/// The reference is the loop as a user would write it: signals by name, components in order, without a bus or a plan.
 #[test]
 fn sequential_order_is_the_obvious_loop() {
     let mut plan = plan(&rough(), &Options::default());
@@ -543,8 +543,8 @@ fn sequential_order_is_the_obvious_loop() {
     }
 }
 
-/// In a chain without feedback, a component gets its input one step later for every component before it; nothing else
-/// changes.
+/// In a chain without feedback, the input of a component is delayed by one step for each component before it; nothing
+/// else changes.
 #[test]
 fn jacobi_order_delays_a_chain_by_one_step_per_component() {
     let chain = format!(
@@ -575,7 +575,7 @@ fmu = "RollLqrSuspension"
 from = "driver:driver.speed"
 to = "coordination:vehicle.speed"
 "#;
-    // The driver steers after 0.1 s. Before that, all signals are constant after the initial transient.
+    // The driver steers after 0.1 s. Between the initial transient and that time, all signals are constant.
     let text = scenario(0.5, &[&chain.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.1")]);
     let ordered = |order| Results::of(plan(&text, &Options { order: Some(order), ..Options::default() }));
     let (sequential, jacobi) = (ordered(Order::Sequential), ordered(Order::Jacobi));
@@ -583,7 +583,7 @@ to = "coordination:vehicle.speed"
     let mut compared = 0;
     for (i, column) in sequential.plan.columns.iter().enumerate() {
         let delay = match column.name.as_str() {
-            // Positions depend on the speed in the very first step.
+            // Positions also depend on the speed in the first step, so they are not only delayed.
             "vehicle.position_x" | "vehicle.position_y" => continue,
             name if name.starts_with("driver.") => 0,
             name if name.starts_with("roll_force") => 2,
@@ -636,7 +636,7 @@ impl StepSteer {
 
 #[test]
 fn claims_of_the_paper_on_a_shortened_step_steer() {
-    // 3 s of the turn on one road.
+    // One road instead of eight, and only 3 s of the turn.
     let results = StepSteer::run(&Options { stop: Some(8.0), seeds: Some(1), ..Options::default() });
     let change = |signal: &str| results.rms_and_change(signal)[0][1];
     // Reproduced: coordination reduces the roll angle.
@@ -654,8 +654,8 @@ fn table_4_on_eight_roads() {
     let results = StepSteer::run(&Options::default());
     let roads = results.0.plan.seeds.len() as f64;
     assert_eq!(roads, 8.0);
-    // Mean and standard deviation that the independent implementation printed for eight roads of the same class: root
-    // mean square with individual control, and change with coordination.
+    // Means and standard deviations that the independent implementation printed for eight roads of the same class, for
+    // the root mean square with individual control and for its change with coordination.
     for (signal, rms, change) in [
         ("body.roll", [0.0619, 0.0016], [-0.123, 0.001]),
         ("body.roll_acceleration", [0.173, 0.011], [-0.007, 0.005]),
@@ -665,8 +665,8 @@ fn table_4_on_eight_roads() {
         for (i, (what, [mean, deviation])) in [("rms", rms), ("change", change)].into_iter().enumerate() {
             let found_mean = found.iter().map(|road| road[i]).sum::<f64>() / roads;
             let variance = found.iter().map(|road| (road[i] - found_mean).powi(2)).sum::<f64>() / (roads - 1.0);
-            // The roads of the reference come from other random numbers, so only the means can be compared: within four
-            // standard errors of their difference.
+            // The roads of the reference come from other random numbers, so only the means can be compared. They must
+            // agree to within four standard errors of their difference.
             let tolerance = 4.0 * ((variance + deviation * deviation) / roads).sqrt();
             println!("{signal}, {what}: {found_mean:.5} +- {:.5}, expected {mean} +- {deviation}", variance.sqrt());
             assert!((found_mean - mean).abs() <= tolerance, "{signal}: mean {what} {found_mean}, expected {mean}");
@@ -674,7 +674,8 @@ fn table_4_on_eight_roads() {
     }
 }
 
-/// A sensor with its start values does not change a closed loop, bit for bit. In another case, noise and delay do.
+/// A closed loop with a sensor at its start values is bit-identical to the loop without a sensor. With noise and delay,
+/// the results differ.
 #[test]
 fn a_sensor_with_its_start_values_changes_no_bit() {
     let file = workspace().join("scenarios/rescue_vehicle_sensor_actuator.toml");
@@ -687,15 +688,15 @@ fn a_sensor_with_its_start_values_changes_no_bit() {
         assert_eq!(sensor, ideal, "{signal}");
         assert_ne!(real, ideal, "{signal}");
     }
-    // The sensor outputs the yaw rate at the start of the step, the plant the yaw rate at its end.
+    // The sensor outputs the yaw rate at the start of a step, the plant the yaw rate at the end of the step.
     let measured = results.column("start_values#1", "sensor.measured_value");
     let yaw_rate = results.column("start_values#1", "vehicle.yaw_rate");
     assert_eq!(bits(&measured[1..]), bits(&yaw_rate[..yaw_rate.len() - 1]));
 }
 
-/// Steering from a file: 2° at 0.5 Hz, with 20 and with 1,000 rows per second. References: the recorded angle is the
-/// file's angle in the middle of each step, computed here; the roll acceleration with both files agrees within 1 %
-/// (RMS), twice the effect of the straight lines between 20 rows per second.
+/// Files with 20 and with 1,000 rows per second steer the vehicle by 2° at 0.5 Hz. Reference for the recorded angle:
+/// the angle of the file in the middle of each step, computed here. The roll accelerations with the two files must
+/// agree to within 1 % (RMS), which is twice the effect of the straight lines between 20 rows per second.
 #[test]
 fn a_sampled_steering_angle_is_as_good_as_the_sine() {
     let driver = r#"
@@ -733,7 +734,7 @@ title = "Steered"
         let results = Results::of(plan(&scenario(3.0, &[driver, car]), &options));
         let angle = results.column("steered", "driver.steer");
         for (k, found) in angle.iter().enumerate().skip(1) {
-            // The straight line between the two rows around the middle of step k.
+            // Interpolates linearly between the two rows around the middle of step k.
             let middle = (k as f64 - 0.5) * STEP * f64::from(rate);
             let [from, to] = [middle.floor(), middle.floor() + 1.0].map(|row| sine(row / f64::from(rate)));
             let expected = from + (to - from) * middle.fract();

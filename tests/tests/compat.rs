@@ -1,5 +1,5 @@
-//! Compatibility between the signals of the library's FMUs and plants: the combinations in the papers, and FMUs that
-//! can or cannot be swapped between vehicles.
+//! Which FMUs of the library fit which plants by their signals: the combinations in the papers, and FMUs that can or
+//! cannot be swapped between vehicles.
 
 use fmu_system::compat::{Fit, Missing, Reason, Systems, systems};
 use fmu_system::resolve::{Descriptions, FmuFolder};
@@ -94,7 +94,7 @@ fn what_does_not_fit_is_named() {
     assert_eq!(missing.len(), 5);
 }
 
-/// Sensor and actuator are inserted into any signal by explicit connections.
+/// Sensor and actuator fit no plant by name; explicit connections insert them into any signal.
 #[test]
 fn sensor_and_actuator_fit_no_plant_by_name() {
     let systems = library();

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tests::signals::Random;
 
-/// Number of changed copies of each file.
+/// Number of damaged copies of each file.
 const CHANGES: u64 = 120;
 
 /// The TOML files of a folder of the workspace, sorted.
@@ -59,7 +59,7 @@ fn damage(text: &str, random: &mut Random) -> String {
             2 => lines.truncate(at.max(1)),
             3 => lines.swap(at, 0),
             4 => {
-                // A value that can have another type.
+                // A value is replaced, possibly by a value of another type.
                 if let Some((key, _)) = line.split_once('=') {
                     lines[at] = format!("{key}= {}", VALUES[random.below(VALUES.len() as u64) as usize]);
                 }
@@ -138,7 +138,7 @@ fn damaged_scenarios_are_rejected_with_a_message() {
     );
 }
 
-/// Workers for reading studies, which does not start any of them.
+/// Settings of the workers, which are required for reading a study. No worker is started.
 fn workers() -> Workers {
     let launch = Launch { program: PathBuf::from("none"), arguments: Vec::new() };
     let settings = Settings::new(launch, Duration::from_secs(1), Arc::new(|_| ()));

@@ -73,7 +73,7 @@ fn descriptions_are_complete() {
         // A date, which the standard does not require, would make the bytes depend on the time of packing.
         assert!(description.generation_date_and_time.is_none(), "{name}: a date");
         assert_eq!(description.variable_naming_convention, "structured");
-        // The FMUs declare exactly the capabilities that the tests in this folder use.
+        // The FMUs declare exactly the capabilities that the tests in this folder cover.
         assert!(unit.can_handle_variable_communication_step_size && unit.can_not_use_memory_management_functions);
         assert!(unit.can_get_and_set_fmu_state && unit.can_serialize_fmu_state);
         assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
@@ -109,8 +109,8 @@ fn descriptions_are_complete() {
     }
 }
 
-/// Variables without a fixed unit: in m or s, depending on another parameter, or in the unit of the connected signal.
-/// They declare no unit, not even "1".
+/// Variables without a fixed unit. Their values are in m or s, depending on another parameter, or in the unit of the
+/// connected signal. They declare no unit, not even "1".
 const WITHOUT_UNIT: [&str; 13] = [
     "obstacle.start",
     "obstacle.length",
@@ -159,8 +159,8 @@ fn check_variable(fmu: &Fmu, variable: &Variable) {
     if is_without_unit(variable) {
         assert_eq!(variable.unit, None, "{place}: a unit");
     }
-    // Every input, parameter and exact variable has a start value, calculated variables have none, inputs have no
-    // `initial`.
+    // Every input, every parameter and every exact variable has a start value. Calculated variables have no start
+    // value, and inputs have no `initial`.
     let is_set = variable.causality == Causality::Input || variable.initial == Some(Initial::Exact);
     assert_eq!(variable.start.is_some(), is_set, "{place}: start value");
     assert_eq!(variable.initial.is_none(), variable.causality == Causality::Input, "{place}: initial");
@@ -178,7 +178,8 @@ fn check_structure(fmu: &Fmu) {
     assert_eq!(listed(&description.derivatives), positions(&|v| v.derivative_of.is_some()), "{name}: Derivatives");
     let calculated = positions(&|v| v.initial == Some(Initial::Calculated));
     assert_eq!(listed(&description.initial_unknowns), calculated, "{name}: InitialUnknowns");
-    // Without a list, an importer must assume that an unknown depends on everything, and finds algebraic loops.
+    // Without a list, an importer must assume that an unknown depends on everything, and would find algebraic loops
+    // that do not exist.
     for unknown in description.outputs.iter().chain(&description.derivatives).chain(&description.initial_unknowns) {
         assert!(unknown.dependencies.is_some(), "{name}: {}", description.variables[unknown.variable].name);
     }

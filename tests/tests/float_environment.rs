@@ -14,7 +14,7 @@ fn steps() -> u32 {
     60 * std::env::var("FMU_TEST_FACTOR").map_or(1, |factor| factor.parse::<u32>().unwrap())
 }
 
-/// Outputs of all steps. Every call is made in the environment, and must not change it.
+/// Returns the outputs of all steps. Every call is made in `environment`, and must not change it.
 fn run(fmu: &Fmu, environment: FloatEnvironment) -> Vec<u64> {
     let kept = |left, what| assert_eq!(left, environment, "{}: {what} changes the environment", fmu.name);
     let excitation = Excitation::of(fmu, 11);

@@ -157,15 +157,15 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
         let page = archive.entry("documentation/index.html").unwrap_or_else(|error| panic!("{error}"));
         let page = String::from_utf8(page.expect("a page")).expect("text");
         assert!(!page.contains("model.png") && !page.contains("reference.csv"), "{page}");
-        // It does not contain this project's authors, license or version.
+        // The FMU does not contain this project's authors, license or version.
         assert_eq!((description.author.as_deref(), description.license.as_deref()), (None, None), "{fmu}");
         assert_eq!(description.version.as_deref(), Some("0.1.0"), "{fmu}");
     }
 }
 
-/// The author in the manifest is written to the FMU; type and package can have different names; resources keep their
-/// folders; the exporter's crate can be renamed; two models can be linked into a third one; the build can have a target
-/// set.
+/// The author in the manifest is written to the FMU. Type and package can have different names. Resources keep their
+/// folders. The exporter's crate can be renamed. Two models can be linked into a third model. A target can be set for
+/// the build.
 #[test]
 fn a_workspace_of_several_models_packs() {
     let place = Place::new();
@@ -243,7 +243,7 @@ fn a_model_builds_from_the_packaged_crates() {
     );
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
     let members = metadata["packages"].as_array().expect("cargo lists packages");
-    // An empty list of registries is `publish = false`.
+    // `publish = false` is reported as an empty list of registries.
     let published = members.iter().filter(|member| member["publish"].is_null());
     let names: Vec<&str> = published.map(|member| member["name"].as_str().expect("a name")).collect();
     assert!(names.contains(&"fmu") && names.contains(&"cargo-fmu") && !names.contains(&"tests"), "{names:?}");
@@ -267,8 +267,8 @@ fn a_model_builds_from_the_packaged_crates() {
     assert_eq!(description.version.as_deref(), Some("1.2.3"));
 }
 
-/// A step that is too long for a stiff model: for x' = -1000 (x - cos t), Runge-Kutta steps of 2.5 ms, near the
-/// stability limit of 2.785 ms, give errors of some percent at the start.
+/// A step can be too long for a stiff model. For x' = -1000 (x - cos t), Runge-Kutta steps of 2.5 ms are near the
+/// stability limit of 2.785 ms, and cause errors of some percent at the start.
 #[test]
 fn a_step_that_is_too_long_is_reported() {
     let place = Place::new();
@@ -309,8 +309,8 @@ impl Continuous for Stiff {
     assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
 }
 
-/// Errors that appear only in a run: a logarithm that becomes undefined during the default experiment, and time events
-/// relative to 0 s instead of the start. Both are debug builds with symbols.
+/// Two errors that appear only in a run: a logarithm that becomes undefined during the default experiment, and time
+/// events relative to 0 s instead of the start. Both FMUs are debug builds with symbols.
 #[test]
 fn mistakes_that_only_a_run_shows_are_reported() {
     const LATE: &str = r#"use fmu::prelude::*;
@@ -405,8 +405,9 @@ impl Continuous for Clock {
     assert!(report.contains(expected), "{report}");
 }
 
-/// A branch on a real parameter hides variables that only the other side reads, because the model structure is found at
-/// the start value; `check` also tries the limits. `if_greater`, and a product with the parameter, hide nothing.
+/// A branch on a real parameter hides variables that only the other side reads, because the model structure is
+/// determined at the start value of the parameter; `check` also tries the limits of the parameter. `if_greater`, and a
+/// product with the parameter, hide nothing.
 #[test]
 fn inputs_and_states_that_are_hidden_at_the_start_value_are_reported() {
     const MODEL: &str = r#"use fmu::prelude::*;

@@ -18,7 +18,7 @@ fn run(command: &mut Command) -> Output {
     output
 }
 
-/// Numbers of calls by function and status, without the times.
+/// The numbers of calls by function and status in the output, without the times.
 fn answers(output: &Output) -> Vec<String> {
     let text = String::from_utf8_lossy(&output.stdout);
     text.lines().filter(|line| line.starts_with("fmi")).map(str::to_owned).collect()

@@ -78,19 +78,19 @@ fn a_restored_state_goes_on_to_the_last_bit() {
             drop(run(&fmu, &mut instance, &excitation, 0.0, 0..at, STEP));
             let saved = ok(instance.save_state());
             let bytes = ok(instance.serialize_state(&saved));
-            // Steps with other inputs, then back to the saved state, in the same instance; twice, because a state can
-            // be reused.
+            // The same instance steps with other inputs and then returns to the saved state. This is done twice,
+            // because a state can be reused.
             for seed in [6, 7] {
                 drop(run(&fmu, &mut instance, &Excitation::of(&fmu, seed), 0.0, at..at + detour, STEP));
                 ok(instance.restore_state(&saved));
                 assert_eq!(state(&mut instance), bytes, "{}: the state is the saved one", fmu.name);
             }
             assert!(run(&fmu, &mut instance, &excitation, 0.0, at..END, STEP) == rest, "{} at {at}", fmu.name);
-            // Also back from Terminated.
+            // The instance also returns to the saved state from Terminated.
             ok(instance.terminate());
             ok(instance.restore_state(&saved));
             assert!(run(&fmu, &mut instance, &excitation, 0.0, at..END, STEP) == rest, "{} at {at}", fmu.name);
-            // Also from the bytes, in a new instance that was never initialized.
+            // A new instance that was never initialized also continues from the bytes.
             let mut other = fmu.instance();
             let copy = ok(other.deserialize_state(&bytes));
             ok(other.restore_state(&copy));
@@ -148,7 +148,7 @@ fn an_instance_that_was_reset_is_like_new() {
         let fresh = state(&mut fmu.instance());
         let expected = run(&fmu, &mut fmu.started(), &excitation, 0.0, 0..30, STEP);
         let mut instance = fmu.instance();
-        // Changes everything: time, inputs, states, and every tunable parameter that its limits allow to change.
+        // Changes everything: time, inputs, states, and all tunable parameters whose limits allow a change.
         ok(instance.setup_experiment(5.0, Some(100.0)));
         for variable in fmu.with(Causality::Parameter) {
             let value = 1.01 * tests::signals::start(variable);
@@ -174,7 +174,8 @@ const TIME_DEPENDENT: [&str; 1] = ["Driver"];
 
 #[test]
 fn a_start_at_another_time_changes_nothing() {
-    // At 10000 s, times are not exact multiples of the step of 1 ms, which is 5.5e8 times the spacing of numbers there.
+    // At 10000 s, times are not exact multiples of the step of 1 ms, and the step is 5.5e8 times the spacing of the
+    // floating-point numbers.
     const START: f64 = 1e4;
     for fmu in all() {
         let excitation = Excitation::of(&fmu, 13);
@@ -190,8 +191,8 @@ fn a_start_at_another_time_changes_nothing() {
 
 #[test]
 fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
-    // Blocks of 10 ms with constant inputs, divided into ten steps of 1 ms, and at random. Both have the same samples,
-    // so the outputs at the end of a block are bit-identical.
+    // The inputs are constant in blocks of 10 ms, which are divided into ten steps of 1 ms in one run and at random in
+    // the other run. The samples are the same in both runs, so the outputs at the end of a block are bit-identical.
     const BLOCK: f64 = 0.01;
     let mut random = Random(17);
     for fmu in all().iter().filter(|fmu| !fmu.is_plant()) {
@@ -211,7 +212,7 @@ fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
             }
             let mut time = begin;
             while time < end {
-                // From 1 us to 4 ms, without a remainder that is too small for a step.
+                // A random step takes 1 us to 4 ms, and leaves no remainder that is too small for a step.
                 let step = 1e-6 + 2e-3 * (1.0 + random.symmetric());
                 let next = if time + step > end - 1e-6 { end } else { time + step };
                 ok(uneven.do_step(time, next - time));
@@ -227,12 +228,12 @@ fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
 
 #[test]
 fn plants_reach_the_same_state_in_steps_of_any_length() {
-    // The integrator's step is at most max_step for any communication step. Uneven steps give other substeps, which
-    // only changes the error of RK4: 3e-10 of the peak in smooth runs of the trucks, 2e-8 for the car with its stiff
-    // wheel spin. Tolerance: 1e-7.
+    // The integrator's step is at most max_step for any communication step. Uneven steps lead to different substeps,
+    // which only changes the error of RK4: 3e-10 of the peak in smooth runs of the trucks, 2e-8 for the car with its
+    // stiff wheel spin. Tolerance: 1e-7.
     const BLOCK: f64 = 0.01;
     for fmu in all().iter().filter(|fmu| fmu.is_plant()) {
-        // The random steps do not depend on the other FMUs.
+        // A new generator for each FMU: its random steps then do not depend on the other FMUs.
         let mut random = Random(23);
         let excitation = Excitation::of(fmu, 29);
         let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();

@@ -1,8 +1,7 @@
 //! `documentation/licenses` in every packed FMU contains the license of the model and the notices of all linked code.
 //!
-//! References: FMI 2.0.4, section 2.3 (entry point `license.txt`); `cargo tree` for each model alone and the license
-//! files
-//! in the sources of its crates; the paths of sources that the binaries contain.
+//! References: FMI 2.0.4, section 2.3 (entry point `license.txt`); `cargo tree` for each model on its own, and the
+//! license files in the sources of its crates; the paths of source files that the binaries contain.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -44,7 +43,7 @@ fn cargo(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Folders of all packages, by `name version`.
+/// Folders of all packages. The keys have the form `name version`.
 fn folders() -> BTreeMap<String, PathBuf> {
     let metadata: Value =
         serde_json::from_str(&cargo(&["metadata", "--format-version", "1", "--locked"])).expect("cargo writes JSON");
@@ -60,7 +59,7 @@ fn folders() -> BTreeMap<String, PathBuf> {
         .collect()
 }
 
-/// `RescueVehicle` to `rescue-vehicle`.
+/// Name of the package of an FMU: `rescue-vehicle` for `RescueVehicle`.
 fn package(name: &str) -> String {
     let mut package = String::new();
     for letter in name.chars() {
@@ -153,7 +152,7 @@ fn crates_that_binaries_mention_are_listed() {
                 assert!(listed, "{name}: {file} mentions {folder}, the notices do not");
                 of_rust += 1;
             }
-            // Other crates, and those of a standard library that is compiled with the FMU, are in
+            // Other crates, and the crates of a standard library that is compiled with the FMU, are in
             // `/cargo/registry/src/INDEX/NAME-VERSION/`.
             for (at, _) in binary.match_indices("/cargo/registry/src/") {
                 let folder = binary[at..].split('/').nth(5).expect("there is a name");

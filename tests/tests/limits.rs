@@ -5,8 +5,8 @@ use fmu_import::loader::{CallError, Instance};
 use tests::{Fmu, all};
 
 /// Parameters whose valid range depends on other parameters, and values of the other parameters for which the full
-/// range is valid. Examples: a vehicle is heavier than its wheels, and its center of mass is between its axles. The
-/// FMU's message for the limit states the relation.
+/// range is valid. For example, a vehicle must be heavier than its wheels, and its center of mass must be between its
+/// axles. The FMU's message for a rejected limit states the relation.
 const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("vehicle.mass", &[("wheel.mass", 0.01)]),
     ("vehicle.yaw_inertia", &[("body.product_of_inertia", 0.0), ("body.roll_yaw_inertia", 0.0)]),

@@ -34,7 +34,7 @@ fn a_step_allocates_nothing() {
     assert_eq!(text.lines().count(), paths.len());
     for line in text.lines() {
         let [name, in_steps, before] = line.split(' ').collect::<Vec<_>>()[..] else { panic!("{line}") };
-        // Loading and initializing allocates, which shows that the counter works.
+        // Loading and initialization allocate memory, so the number before the steps shows that the counter works.
         assert!(before.parse::<u64>().is_ok_and(|count| count > 100), "{name}: nothing was counted: {before}");
         assert_eq!(in_steps, "0", "{name}: allocations in 300 steps of set, step and get");
     }
@@ -51,14 +51,15 @@ fn a_step_of_the_native_master_allocates_nothing() {
         command.arg("master").arg(scenario).args(["0.5", "0.5", "1", "2"]).env("LD_PRELOAD", counting_library());
     let text = String::from_utf8(exercise(command).stdout).expect("the helper prints text");
     let lines: Vec<_> = text.lines().filter_map(|line| line.split_once(' ')).collect();
-    // The first run also allocates data that the process keeps, such as the list of instances.
+    // The first run is not compared: it also allocates data that the process keeps, such as the list of instances.
     let [("501", _), ("501", half), ("1001", one), ("2001", two)] = lines[..] else { panic!("{text}") };
-    // The instances of eight FMUs are counted, which shows that the counter works.
+    // Creating the instances of eight FMUs allocates memory, so this number shows that the counter works.
     assert!(half.parse::<u64>().is_ok_and(|count| count > 100), "nothing was counted: {half}");
     assert_eq!([one, two], [half; 2], "allocations of runs of 500, 1000 and 2000 steps");
 }
 
-/// A complete use of every FMU has no invalid access, no use of uninitialized values, and no lost memory.
+/// In a complete use of every FMU, valgrind finds no invalid access, no use of uninitialized values, and no lost
+/// memory.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]

@@ -97,7 +97,7 @@ fn descriptions_are_the_committed_ones() {
             Some(_) => (),
         }
     }
-    // Committed descriptions that are left have no FMU.
+    // The committed descriptions that are left over belong to no FMU.
     differences.extend(committed.keys().map(|name| format!("there is no {name}.fmu: run `cargo fmu pack --all`")));
     assert!(differences.is_empty(), "{}\n{UPDATE}", differences.join("\n"));
 }
@@ -121,7 +121,8 @@ fn binaries_know_their_description_only() {
     }
 }
 
-/// The packer builds the GUID into the library, which would otherwise generate its description whenever it is loaded.
+/// The packer builds the GUID into the library. Without it, the library would have to generate its description whenever
+/// it is loaded.
 #[test]
 fn binaries_are_told_their_guid() {
     for path in paths() {
@@ -209,7 +210,7 @@ fn libraries_call_no_inexact_function_of_the_c_library() {
     }
 }
 
-/// Windows libraries load on Windows 7 and later, because they require only libraries that are part of Windows.
+/// The libraries for Windows load on Windows 7 and later, because they require only libraries that are part of Windows.
 #[test]
 fn libraries_for_windows_need_the_system_only() {
     const SYSTEM: [&str; 6] = ["advapi32.dll", "kernel32.dll", "msvcrt.dll", "ntdll.dll", "userenv.dll", "ws2_32.dll"];
@@ -272,8 +273,8 @@ fn nothing_names_the_machine_that_packed() {
     let variables =
         ["CARGO_HOME", "RUSTUP_HOME", "CARGO_TARGET_DIR"].map(|name| std::env::var_os(name).map(Into::into));
     let places = [Some(workspace()), std::env::home_dir(), Some(std::env::temp_dir())].into_iter().chain(variables);
-    // Paths are searched with a separator, because "/root" alone can also be the start of other words. The root of the
-    // file system reveals nothing.
+    // The test searches for paths with a separator at the end, because "/root" alone can also be the start of other
+    // words. The root of the file system is left out, because it reveals nothing.
     let folders = places.flatten().filter(|folder: &PathBuf| folder.is_absolute() && folder.parent().is_some());
     let folders: Vec<_> = folders.map(|folder| folder.join("").into_os_string().into_encoded_bytes()).collect();
     for path in paths() {
@@ -333,7 +334,7 @@ impl Copy {
         }
     }
 
-    /// A command in the copy that succeeds.
+    /// Runs a command in the copy; it must succeed.
     fn command(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Output {
         tests::successful(&mut self.prepared(program, arguments))
     }
@@ -345,7 +346,7 @@ impl Copy {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders = std::iter::once(workspace().join(".venv/bin")).chain(std::env::split_paths(&path));
         command.env("PATH", std::env::join_paths(folders).expect("folders of the PATH have no separators"));
-        // No debug information: less to compile and to store.
+        // Without debug information, builds take less time and space.
         command.env("CARGO_PROFILE_DEV_DEBUG", "none").env("CARGO_INCREMENTAL", "0");
         command
     }
@@ -406,8 +407,8 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
     // The path of the sources does not matter either: an FMU packed from the workspace itself has the same files, plus
-    // the commit if the workspace is a checkout. FMUs in another folder are from another machine, unless their
-    // platforms are listed.
+    // the commit if the workspace is a checkout. FMUs in another folder are compared only if their platforms are
+    // listed, because otherwise they come from another machine.
     if std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some() {
         let mut other = Contents::read(&folder().join("SuspensionMixer.fmu"));
         let commit = other.files.remove("extra/io.github.chassis-fmu/commit.txt");
@@ -422,7 +423,8 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let mut instance = controller.started();
     ok(instance.set_real(&[controller.reference("reference")], &[0.5]));
     ok(instance.do_step(0.0, 0.01));
-    // The proportional gain 2 times the error 0.5; nothing is integrated before the first sample.
+    // The command is the proportional gain 2 times the error 0.5, because nothing has been integrated before the first
+    // sample.
     assert_eq!(real(&controller, &mut instance, "command"), 2.0 * 0.5);
 
     let plant = Fmu::open(&copy.fmu("BouncingBody"));
@@ -432,14 +434,15 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     for k in 0..steps {
         ok(instance.do_step(f64::from(k) * step, step));
     }
-    // 1 kg on 10 N/m with 0.5 N s/m: the oscillation about F/k decays with exp(-c t/(2 m)) from an amplitude below 0.1
-    // m. The error of the Runge-Kutta method with 10 ms is far smaller.
+    // A mass of 1 kg on a spring of 10 N/m with a damping of 0.5 N s/m oscillates about F/k. The amplitude, below 0.1 m
+    // at first, decays with exp(-c t/(2 m)). The error of the Runge-Kutta method with steps of 10 ms is far smaller.
     let bound = 0.1 * (-0.25 * f64::from(steps) * step).exp();
     let position = real(&plant, &mut instance, "x");
     assert!((position - 0.1).abs() <= bound, "position {position}, expected 0.1 within {bound:e}");
 }
 
-/// Functions of one interface only: FMI 2.0.4, tables of the calling sequence in sections 3.2.3 and 4.2.4.
+/// Functions that belong to one interface only, from the tables of the calling sequence in FMI 2.0.4, sections 3.2.3
+/// and 4.2.4.
 const CO_SIMULATION_ONLY: [&str; 9] = [
     "fmi2CancelStep",
     "fmi2DoStep",
@@ -504,7 +507,7 @@ fn formats_have_what_their_options_say() {
         (Fmu::open(&path).description.variables, terminals.contains("<Terminal "))
     };
     let (arrays, has_terminals) = packed(&["--arrays"]);
-    // A terminal can only contain whole variables, so there are none with arrays.
+    // A terminal can only contain whole variables, so there are no terminals if variables are arrays.
     assert!(arrays.iter().any(Variable::is_array) && !has_terminals);
     let (scalars, has_terminals) = packed(&[]);
     assert!(!scalars.iter().any(Variable::is_array) && has_terminals);

@@ -122,7 +122,7 @@ impl Copied {
     }
 }
 
-/// Only warnings that need no trial run, because a trial run needs the FMUs.
+/// Checks only the warnings that need no trial run, because a trial run needs the FMUs.
 #[test]
 fn no_scenario_warns() {
     let source = descriptions();
@@ -132,8 +132,8 @@ fn no_scenario_warns() {
     }
 }
 
-/// Swapping takes one line: for every component in every case of every scenario, with a copy of its FMU, and with an
-/// FMU that has the same signals but different parameter names.
+/// One line is enough to swap any component in any case of any scenario, for a copy of its FMU as well as for an FMU
+/// that has the same signals but different parameter names.
 #[test]
 fn every_component_is_replaced_by_one_line() {
     let source = descriptions();
@@ -173,7 +173,7 @@ fn case_sets(text: &str, case: &str, component: &str) -> bool {
     of_case.contains(&format!("parameters.{component} ")) || of_case.contains("parameter_set")
 }
 
-/// A copy that keeps the parameters gives the same system.
+/// A copy that keeps the parameters results in the same system.
 #[test]
 fn kept_parameters_are_those_of_the_component() {
     let source = descriptions();

@@ -19,7 +19,7 @@ enum Setting {
 }
 use Setting::{Boolean, Integer, Real, Text};
 
-/// A run that shows which parameters affect the outputs: FMU and settings.
+/// A run that shows which parameters affect the outputs: the FMU, and the parameters to set before.
 type Trial = (&'static str, &'static [Setting]);
 
 /// Together, the trials show every dependency that the descriptions list.
@@ -153,8 +153,8 @@ fn outputs_before_the_start_are_those_of_the_first_sample() {
     }
 }
 
-/// Every parameter that changes an output at any time in a run is among its dependencies in InitialUnknowns, and every
-/// dependency changes it.
+/// Every parameter that changes an output at any time in a run is among the dependencies of this output in
+/// InitialUnknowns, and every dependency changes the output.
 #[test]
 fn initial_unknowns_name_the_parameters_that_act_at_any_time() {
     for fmu in sources() {

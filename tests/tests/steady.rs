@@ -1,5 +1,5 @@
-//! Steady states of the plants that `cargo fmu trim` finds: compared with closed forms, at 50 operating points of each
-//! plant, and as the start of a co-simulation that must stay there.
+//! Tests the steady states of the plants that `cargo fmu trim` finds: compares them with closed forms, computes them at
+//! 50 operating points of each plant, and starts co-simulations in them, which must stay there.
 
 use fmu_import::description::Causality;
 use serde_json::Value;
@@ -7,14 +7,14 @@ use std::process::Command;
 use std::sync::OnceLock;
 use tests::{Fmu, cargo_fmu, folder, ok, reals};
 
-/// Largest derivative, relative to the nominal value, 1/s.
+/// Limit on the derivatives, relative to the nominal values, 1/s.
 const RESIDUAL: f64 = 1e-10;
-/// Largest distance from the steady state within [`TIME`], relative to the nominal value.
+/// Limit on the distance from the steady state within [`TIME`], relative to the nominal value.
 const DRIFT: f64 = 1e-8;
 const TIME: f64 = 5.0;
 const STEP: f64 = 0.01;
 
-/// The output of the command, or its message.
+/// The output of the command, or its error message.
 fn trimmed(name: &str, settings: &[(String, f64)], options: &[&str]) -> Result<Value, String> {
     static COMMAND: OnceLock<std::path::PathBuf> = OnceLock::new();
     let mut command = Command::new(COMMAND.get_or_init(cargo_fmu));
@@ -86,9 +86,9 @@ fn drift(fmu: &Fmu, steady: &Value, parameters: &[(&str, f64)]) -> f64 {
     largest
 }
 
-/// Tests 5 speeds, 5 steering angles and 2 frictions. At each point, the residual is at most [`RESIDUAL`], or there is
-/// a message that names a state; `restless` lists the points with a message (speed, angle, friction). A co-simulation
-/// from a stable point stays there.
+/// Tests all combinations of 5 speeds, 5 steering angles and 2 friction coefficients. The residual is at most
+/// [`RESIDUAL`]; at the points in `restless` (speed, angle, friction), there is a message that names a state instead. A
+/// co-simulation from a stable point stays there.
 fn fifty_points(
     name: &str,
     speeds: [f64; 5],
@@ -171,7 +171,8 @@ fn a_single_track_car_turns_as_in_closed_form() {
     }
 }
 
-/// Reference: statics. Equal forces F of all actuators lift the body by F/k; a road that is higher by h lifts it by h.
+/// Reference: statics. Equal forces F of all actuators lift the body by F/k, and a road that is higher by h lifts it by
+/// h.
 #[test]
 fn forces_and_the_road_lift_the_body() {
     let fmu = Fmu::named("RescueVehicle");
@@ -186,8 +187,8 @@ fn forces_and_the_road_lift_the_body() {
     assert_close(value(&steady, "wheel_height.ml"), 0.03, 1e-12);
 }
 
-/// On a straight road without drag, the drive torques balance the brake torques, which act fully at speed; with one
-/// driven axle, they are twice as large.
+/// On a straight road without drag, the drive torques balance the brake torques, which act fully at this speed. If only
+/// one axle is driven, each drive torque is twice as large.
 #[test]
 fn drive_torques_balance_the_brakes() {
     let wheels = ["fl", "fr", "rl", "rr"];
@@ -245,8 +246,8 @@ fn a_state_that_cannot_rest_is_named() {
     }
 }
 
-/// The parameter set contains the start values of a co-simulation; the linear model at the steady state has the same
-/// stability.
+/// A co-simulation that starts with the parameter set starts in the steady state. The linear model at the steady state
+/// has the same stability.
 #[test]
 fn parameter_sets_and_linear_models_start_there() {
     let folder_of_file = tempfile::tempdir().expect("a folder");
@@ -289,7 +290,7 @@ fn the_heavy_vehicle_rests_at_fifty_points() {
 
 #[test]
 fn the_half_car_rests_at_fifty_points() {
-    // At these points, the only steady state is on the roof.
+    // At these points, the only steady state is that of a car on its roof.
     let restless = [(20.0, 0.2, 1.0), (26.0, 0.2, 1.0)];
     fifty_points("HydroPneumaticHalfCar", [2.0, 8.0, 14.0, 20.0, 26.0], [0.0, 0.01, 0.03, 0.08, 0.2], &[], &restless);
 }
@@ -337,8 +338,8 @@ fn plan(text: &str) -> fmu_system::plan::Plan {
         .unwrap_or_else(|error| panic!("{error:?}"))
 }
 
-/// Each case, and a run with a changed value, starts in its own steady state. Reference: `cargo fmu trim` for the plant
-/// alone.
+/// Each case starts in its own steady state, and so does a run with a changed value. Reference: `cargo fmu trim` for
+/// the plant alone.
 #[test]
 fn scenarios_start_steady() {
     use fmu_import::description::Value;
@@ -383,8 +384,8 @@ fn scenarios_start_steady() {
     assert!(rolls[0] > rolls[2] && rolls[2] > rolls[1], "a heavier vehicle rolls more: {rolls:?}");
 }
 
-/// The plant uses the first outputs of the other components: the speed from a driver, the angle from an actuator in its
-/// declared state.
+/// The plant starts with the first outputs of the other components: the speed from a driver, and the angle from an
+/// actuator in its declared state.
 #[test]
 fn a_plant_starts_with_what_the_others_write_first() {
     let driver = r#"

@@ -1,5 +1,5 @@
-//! The model structure and the directional derivatives of every plant, compared with the actual changes in its outputs
-//! and derivatives when an input or a state changes; and the order of the integrator.
+//! Compares the model structure and the directional derivatives of every plant with the actual changes in its outputs
+//! and derivatives when an input or a state changes, and tests the order of the integrator.
 //!
 //! Reference: FMI 2.0.4, sections 2.1.9 (directional derivatives) and 2.2.8 (model structure), and difference quotients
 //! through fmi2SetReal and fmi2GetReal.
@@ -12,8 +12,8 @@ use tests::signals::{Excitation, Random, is_magnitude, scale, start};
 use tests::state_bytes::Place;
 use tests::{Configuration, Fmu, all, ok, plants, reals};
 
-/// Declared dependencies that changing one value does not show: FMU, unknown, known, reason. A `*` at the end stands
-/// for anything.
+/// Declared dependencies that are invisible if only one value changes: FMU, unknown, known, reason. A `*` at the end
+/// stands for any text.
 const UNSEEN: &[(&str, &str, &str, &str)] = &[];
 
 /// A plant with its known variables (inputs, then states) and unknown ones (outputs, then derivatives).
@@ -80,7 +80,7 @@ impl<'a> Plant<'a> {
         begin(instance).unwrap_or_else(as_declared)
     }
 
-    /// A random point near the start values; the distance is `size` times the usual deviation.
+    /// A random point near the start values. Its deviation from them is `size` times the usual deviation.
     fn point(&self, random: &mut Random, size: f64) -> Vec<f64> {
         let deviation = |variable: &Variable, base: f64, random: &mut Random| {
             let value = base + size * scale(variable) * random.symmetric();
@@ -102,8 +102,8 @@ impl<'a> Plant<'a> {
 #[test]
 fn directional_derivatives_are_the_slopes_of_outputs_and_derivatives() {
     // Central differences with widths h and h/2, where h is 1e-3 of the usual deviation, give the slope with an error
-    // of order h^4 (Richardson), and an estimate of this error. The rest is rounding: a few units in the last place of
-    // the value, divided by h. Errors are relative to the largest effect on the same unknown.
+    // of order h^4 (Richardson), and an estimate of this error. The remaining error is rounding: a few units in the
+    // last place of the value, divided by h. Errors are relative to the largest effect on the same unknown.
     const WIDTH: f64 = 1e-3;
     for fmu in plants() {
         let plant = Plant::of(&fmu);
@@ -172,7 +172,7 @@ fn directional_derivatives_are_the_slopes_of_outputs_and_derivatives() {
 
 #[test]
 fn a_direction_of_several_knowns_adds_up() {
-    // The derivative along a sum of directions is the sum of the derivatives, up to rounding.
+    // The derivative along a sum of directions is the sum of the derivatives, except for rounding.
     for fmu in plants() {
         let plant = Plant::of(&fmu);
         let mut instance = plant.instance(&Configuration::default(), None);
@@ -213,8 +213,8 @@ fn declared_dependencies_are_the_real_ones() {
                 list.iter().map(|&index| variables[index].name.as_str()).collect()
             })
             .collect();
-        // Observed dependencies: at points near the start and far from it, where tires saturate or lift off and limits
-        // act, with declared and varied parameters, in all configurations.
+        // Observes dependencies at points near the start values and far from them, where tires saturate or lift off and
+        // limits act, with declared and with varied parameters, in all configurations.
         let mut seen = vec![BTreeSet::new(); plant.unknown.len()];
         for configuration in fmu.configurations() {
             let mut random = Random(47);
@@ -292,7 +292,8 @@ fn held_outputs_depend_on_nothing_between_steps() {
                 assert_eq!(fmu.outputs(instance), held, "{}: an output reacts {place}", fmu.name);
             }
         };
-        // In this case, an output can depend directly on an input, if the description declares it.
+        // In Initialization Mode, an output can depend directly on an input, if the description declares the
+        // dependency.
         let follows = |index: &usize| fmu.description.variables[*index].causality == Causality::Input;
         if !fmu.description.initial_unknowns.iter().any(|unknown| unknown.dependencies.iter().flatten().any(follows)) {
             check(&mut instance, "in Initialization Mode");
@@ -308,10 +309,10 @@ fn held_outputs_depend_on_nothing_between_steps() {
 
 #[test]
 fn plants_are_integrated_with_order_four() {
-    // The inputs make a step and stay constant during one communication step with longest substep H. Halving H reduces
-    // the error of a method of order p by 2^p; RK4 has p = 4. H is twice the step that the model is designed for, so
-    // the neglected higher terms, H times the fastest pole, are some percent. The solution with H/16 is used as the
-    // exact one; its error is (1/16)^4 of the error with H.
+    // The inputs make a step and stay constant during one communication step, whose longest substep is H. Halving H
+    // reduces the error of a method of order p by 2^p; RK4 has p = 4. H is twice the step that the model is designed
+    // for, so the neglected higher terms, which are of the order of H times the fastest pole, are some percent. The
+    // solution with H/16 is used as the exact one; its error is (1/16)^4 of the error with H.
     const SPAN: f64 = 0.2;
     for fmu in plants() {
         // A plant that is solved exactly has no `max_step`.

@@ -6,7 +6,7 @@ use tests::signals::{Excitation, run};
 use tests::state_bytes::{Place, state};
 use tests::{Fmu, all, ok, rejected};
 
-/// Four months, and a Unix time in 2023, in s. Times of this size are rounded to 2e-9 s and 2e-7 s.
+/// Four months, and a Unix time in 2023, in s. Times of this size are rounded to 2e-9 s and 2e-7 s, respectively.
 const LARGE: [f64; 2] = [1e7, 1.7e9];
 
 /// Communication step in s.
@@ -31,7 +31,8 @@ fn a_run_at_a_large_time_is_the_same_as_at_0() {
 
 #[test]
 fn no_sample_is_lost_or_taken_twice() {
-    // Communication steps in units of 0.1 ms: as long as a sample, longer, shorter, and not a multiple or fraction.
+    // Communication steps in units of 0.1 ms: as long as a sample, longer, shorter, and neither a multiple nor a
+    // fraction of a sample.
     const UNIT: f64 = 1e-4;
     for fmu in all().into_iter().filter(|fmu| !fmu.is_plant()) {
         let place = Place::of(&fmu.description.guid);

@@ -36,7 +36,7 @@ enum {
     habit_crash,          /* SIGSEGV */
     habit_hang,           /* never returns */
     habit_stranger,       /* logs with an environment that is not the importer's */
-    habit_stranger_start, /* the same, during instantiation */
+    habit_stranger_start, /* the same as habit_stranger, during instantiation */
     habit_chatter,        /* prints 500 lines during instantiation */
     habit_talk,           /* logs 500 messages in a step */
     habit_fork,           /* leaves a process behind */
@@ -70,7 +70,7 @@ enum {
     habit_deep,           /* takes 400 kB of stack */
     habit_end_crash,      /* SIGSEGV in the termination */
     habit_free_crash,     /* SIGSEGV when the instance is freed */
-    habit_status,         /* returns a status that is none */
+    habit_status,         /* returns a number that is not a status */
 };
 #ifndef HABIT
 #define HABIT habit_none
@@ -101,13 +101,13 @@ static void start(Instance *i) {
     fresh.log = i->log;
     *i = fresh;
 }
-/* A separate function, so that other habits do not have its stack frame. */
+/* A separate function, because the other habits must not use this much stack. */
 static __attribute__((noinline)) void go_deep(void) {
     volatile char room[400000];
     for (size_t j = 0; j < sizeof room; j += 1000) room[j] = 1;
 }
 
-/* An access fault. After raise(SIGSEGV) instead, the handler of a host in Rust would return. */
+/* An access fault. A raise(SIGSEGV) is not enough, because the signal handler of a host in Rust returns from it. */
 static void crash(void) { *(volatile int *)8 = 1; }
 static int reset(Instance *i) {
     if (HABIT == habit_reset_crash && !i->is_initialized) crash();
@@ -145,7 +145,7 @@ static int use_what_it_may(void) {
     return raise(SIGCONT);
 }
 
-/* What a step from t to t + h does; `ended` becomes 1 if the simulation is to end. */
+/* Makes a step from t to t + h; sets `ended` to 1 if the simulation is to end. */
 static int step(Instance *i, double t, double h) {
     if (i->habit == habit_strict && t + h > i->stop) {
         say(i, i->environment, ERROR, "%.17g s is beyond the stop time %.17g s", t + h, i->stop);
@@ -288,7 +288,7 @@ static int set_integer(Instance *i, unsigned r, int v) {
     case CHOICE: i->habit = v; return OK;
     case UI: i->ui = v; return OK;
     case UB: i->ub = v; return OK;
-    /* An enumeration has gaps. */
+    /* This enumeration has gaps between its values. */
     case UE: if (v != 1 && v != 2 && v != 5) return ERROR; i->ue = v; return OK;
     default: return ERROR;
     }
@@ -327,7 +327,7 @@ typedef struct {
 } Callbacks;
 COMMON(fmi2)
 static void say(Instance *i, void *environment, int status, const char *format, ...) {
-    /* All messages here have the same arguments, numbers first, so the calls below pass what the format reads. */
+    /* All messages have the same kinds of arguments, numbers first, so the calls below pass what the format reads. */
     va_list list;
     va_start(list, format);
     Logger log = (Logger)i->log;

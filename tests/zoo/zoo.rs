@@ -24,12 +24,12 @@ pub(crate) struct Zoo<'a> {
     pub(crate) at: f64,
     /// The file of the habit `write`.
     pub(crate) file: &'a str,
-    /// Texts in the description to replace, with replacements.
+    /// Texts in the description, and their replacements.
     pub(crate) edits: &'a [(&'a str, &'a str)],
 }
 
 impl<'a> Zoo<'a> {
-    /// An FMI 2.0 FMU named `Zoo`, with a habit from the start.
+    /// An FMI 2.0 FMU named `Zoo`, with a habit that begins at the start.
     pub(crate) fn new(habit: &'a str) -> Self {
         Self { fmi: FmiVersion::V2, name: "Zoo", identifier: "Zoo", habit, at: 0.0, file: "none", edits: &[] }
     }

@@ -1,4 +1,4 @@
-//! Bounces against their closed form.
+//! Compares the bounces with their closed form.
 
 use bouncing_ball::BouncingBall;
 use fmu::simulation::ContinuousSimulation;
@@ -19,7 +19,8 @@ fn bounces(ball: &BouncingBall) -> Vec<(f64, f64)> {
 }
 
 /// Tolerance: the parabola is integrated exactly, and the time of an event is found to one part in 1e15 of a step. Each
-/// of the 18 bounces inherits the velocity error from the one before, so 1e-9 leaves a margin of about 1e5.
+/// of the 18 bounces inherits the velocity error of the previous bounce, so 1e-9 leaves a margin of a factor of about
+/// 1e5.
 #[test]
 fn bounces_happen_at_the_times_of_the_closed_form() {
     for step in [0.01, 0.003, 0.37] {
@@ -51,7 +52,7 @@ fn bounces_happen_at_the_times_of_the_closed_form() {
 }
 
 /// Infinitely many bounces would end at t_1 + 2 v_1 / (g (1 - e)) = 2.558 s. A step far beyond this time is possible
-/// because the ball comes to rest before.
+/// because the ball comes to rest before that.
 #[test]
 fn the_ball_comes_to_rest() {
     let mut run = ContinuousSimulation::new(BouncingBall::default()).expect("it starts");

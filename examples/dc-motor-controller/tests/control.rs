@@ -1,9 +1,9 @@
-//! The controller against its equations.
+//! Compares the controller with its equations.
 
 use dc_motor_controller::{DcMotorController, U};
 use fmu::simulation::DiscreteSimulation;
 
-/// Reference: u_n = k_p e + k_i n T e for a constant error e. Tolerance: roundings of 100 sums.
+/// Reference: u_n = k_p e + k_i n T e for a constant error e. The tolerance covers the rounding of 100 additions.
 #[test]
 fn a_constant_error_is_integrated() {
     let DcMotorController { proportional_gain, integral_gain, .. } = DcMotorController::default();

@@ -1,4 +1,4 @@
-//! The closed loop against the exact solution between samples.
+//! Compares the closed loop with the exact solution between samples.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use fmu::Stateful as _;
 use nalgebra::{Matrix4, Vector4};
 
 /// Reference: the motor with a held voltage as a matrix exponential of [A B; 0 0], the controller as its recurrence.
-/// Tolerance: each Runge-Kutta step of 1 ms has an error of 6e-8 of 100 rad/s and 48 A. About ten of these errors add
-/// up.
+/// Tolerance: the error of each Runge-Kutta step of 1 ms is 6e-8, relative to 100 rad/s and 48 A. About ten of these
+/// errors add up.
 #[test]
 fn speed_and_current_follow_the_exact_solution() {
     let model = DcMotorDrive::default();
@@ -59,8 +59,8 @@ fn speed_and_current_follow_the_exact_solution() {
     }
 }
 
-/// Reference: in the steady state the integral has removed the error, k i = b w + M and v = R i + k w. Tolerance: the slowest
-/// mode, with a time constant of 0.1 s, is gone after 30 s.
+/// Reference: in the steady state, the integral has removed the control error, so k i = b w + M and v = R i + k w.
+/// Tolerance: after 30 s, nothing is left of the slowest mode, which has a time constant of 0.1 s.
 #[test]
 fn the_load_does_not_change_the_steady_speed() {
     let model = DcMotorDrive::default();
@@ -76,8 +76,8 @@ fn the_load_does_not_change_the_steady_speed() {
     assert!((y.voltage - motor.resistance * current - motor.constant * 100.0).abs() < 1e-9, "{}", y.voltage);
 }
 
-/// The samples are the same if communication steps are not multiples of the sample time. Tolerance: as above, because
-/// the integration steps differ.
+/// The samples stay the same if communication steps are not multiples of the sample time. The tolerance is that of the
+/// first test, because the integration steps differ.
 #[test]
 fn samples_do_not_depend_on_the_communication_steps() {
     let model = DcMotorDrive::default();
@@ -93,7 +93,7 @@ fn samples_do_not_depend_on_the_communication_steps() {
         }
         model.outputs(&drive).speed
     });
-    // 0.5 s fits once; the rest of 0.2 s follows.
+    // In the last case, the run of 0.7 s consists of a step of 0.5 s and a step of 0.2 s.
     for speed in &ends[1..] {
         assert!((speed - ends[0]).abs() < 6e-7 * 100.0, "{ends:?}");
     }

@@ -1,4 +1,4 @@
-//! The response to a step of the voltage against its closed form.
+//! Compares the response to a step of the voltage with its closed form.
 
 use dc_motor::{DcMotor, U};
 use fmu::simulation::ContinuousSimulation;

@@ -1,4 +1,4 @@
-//! The steady state against closed forms.
+//! Compares the steady state with closed forms.
 
 use fmu::simulation::ContinuousSimulation;
 use heat_exchanger::{CELLS, HeatExchanger, U, Y};
@@ -45,8 +45,9 @@ fn by_cells(model: &HeatExchanger, u: &U<f64>) -> f64 {
     model.conductance / n * differences
 }
 
-/// Tolerance against the cells: ten times the solver's tolerance of 1e-6, because errors of single steps add up.
-/// Against transfer units: the first-order error of the cells, about half of the transfer units per cell, 2 / 400.
+/// The tolerance for the closed form of the cells is ten times the solver's tolerance of 1e-6, because the errors of
+/// the steps add up. The tolerance for the closed form with transfer units is the first-order error of the cells, about
+/// half of the transfer units per cell, 2 / 400.
 #[test]
 fn heat_flow_and_outlets_match_the_closed_forms() {
     for parallel in [false, true] {
@@ -64,7 +65,7 @@ fn heat_flow_and_outlets_match_the_closed_forms() {
             "parallel {parallel}: {} W, not {expected} W",
             y.heat_flow
         );
-        // Both fluids carry this heat, to 1e-5 of the difference between the inlet temperatures.
+        // Both fluids carry this heat. The tolerance is 1e-5 of the difference between the inlet temperatures.
         let [hot, cold] = [u.hot_flow, u.cold_flow].map(|flow| y.heat_flow / (flow * model().heat_capacity));
         assert!((u.hot_inlet - y.hot_outlet - hot).abs() < 6e-4);
         assert!((y.cold_outlet - u.cold_inlet - cold).abs() < 6e-4);

@@ -47,7 +47,7 @@ pub struct Y {
 pub struct X {
     /// Estimate of position and velocity.
     pub estimate: [f64; 2],
-    /// Covariance of its error.
+    /// Covariance of the estimation error.
     pub covariance: [[f64; 2]; 2],
 }
 

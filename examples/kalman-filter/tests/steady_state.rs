@@ -1,4 +1,4 @@
-//! The filter against closed forms.
+//! Compares the filter with closed forms.
 
 use fmu::simulation::DiscreteSimulation;
 use kalman_filter::{KalmanFilter, U};
@@ -6,7 +6,7 @@ use kalman_filter::{KalmanFilter, U};
 /// Reference: the solution of the Riccati equation of the double integrator (Kalata, "The tracking index: a generalized
 /// parameter for alpha-beta and alpha-beta-gamma target trackers", 1984): with the tracking index L = deviation of the
 /// acceleration * T^2 / deviation of the measurement and r = (4 + L - sqrt(8 L + L^2)) / 4, the gains are a = 1 - r^2
-/// and (2 (2 - a) - 4 sqrt(1 - a)) / T. Tolerance: roundings of the recursion, whose errors decay.
+/// and (2 (2 - a) - 4 sqrt(1 - a)) / T. The tolerance covers the roundings of the recursion, whose errors decay.
 #[test]
 fn the_gains_become_those_of_the_riccati_equation() {
     for (acceleration, measurement) in [(1.0, 0.5), (20.0, 0.1), (0.1, 3.0)] {
@@ -25,7 +25,8 @@ fn the_gains_become_those_of_the_riccati_equation() {
 }
 
 /// Reference: the filter has no bias for a motion with constant velocity. Tolerance: the first samples reduce the
-/// initial error of 5 m to centimeters. It then decays by r = 0.905 per sample, to 2e-9 of that after 20 s.
+/// initial error of 5 m to centimeters. The error then decays by a factor of r = 0.905 per sample, to 2e-9 of its value
+/// after 20 s.
 #[test]
 fn constant_velocity_is_estimated_without_bias() {
     let mut run = DiscreteSimulation::new(KalmanFilter::default()).expect("it starts");

@@ -1,10 +1,11 @@
-//! The table against the values in its file.
+//! Compares the table with the values in its file.
 
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Continuous as _, Variables as _};
 use lookup_table::{LookupTable, U};
 
-/// Reference: the rows of `torque.csv`, linear between them and constant outside. All numbers are exact in binary.
+/// Reference: the rows of `torque.csv`, with linear interpolation between them and constant values outside. All numbers
+/// are exact in binary.
 #[test]
 fn torque_is_interpolated() {
     let model = LookupTable { factor: 0.5, ..LookupTable::default() };

@@ -1,4 +1,4 @@
-//! The equations against closed forms, and a run against a written-out integrator.
+//! Compares the equations with closed forms, and a run with a written-out integrator.
 
 use approx::assert_relative_eq;
 use fmu::simulation::ContinuousSimulation;
@@ -18,7 +18,7 @@ fn derivatives(x: [f64; 4], u: [f64; 2]) -> [f64; 4] {
 }
 
 /// Reference: equilibrium. The actuator extends the suspension by its force divided by the stiffness. The force is
-/// internal, so the tire load does not change. Tolerance: rounding of 1e4 N on 40 kg.
+/// internal, so the tire load does not change. The tolerance covers the rounding of forces of 1e4 N that act on 40 kg.
 #[test]
 fn a_constant_force_extends_the_suspension_but_not_the_tire() {
     let (z_r, f_a) = (0.03, 500.0);
@@ -28,8 +28,9 @@ fn a_constant_force_extends_the_suspension_but_not_the_tire() {
 }
 
 /// Reference: the characteristic polynomial of two masses on springs, s^4 + c(1/m_s + 1/m_u) s^3 + (k_s/m_s + (k_s +
-/// k_t)/m_u) s^2 + c k_t/(m_s m_u) s + k_s k_t/(m_s m_u), against that of the system matrix (traces of its powers,
-/// Newton's identities). Tolerance: the differences of powers lose 4 of 16 digits to rounding.
+/// k_t)/m_u) s^2 + c k_t/(m_s m_u) s + k_s k_t/(m_s m_u), compared with the characteristic polynomial of the system
+/// matrix (from the traces of its powers and Newton's identities). Tolerance: the differences of powers lose 4 of 16
+/// digits to rounding.
 #[test]
 fn the_modes_are_those_of_two_masses_on_springs() {
     let columns: [[f64; 4]; 4] = std::array::from_fn(|j| {
@@ -57,8 +58,8 @@ fn the_modes_are_those_of_two_masses_on_springs() {
     }
 }
 
-/// Reference: the classical Runge-Kutta method written out. Bit-identical, because the operations and their order are
-/// the same.
+/// Reference: the classical Runge-Kutta method, written out. The results are bit-identical, because the operations and
+/// their order are the same.
 #[test]
 fn a_run_is_the_classical_runge_kutta_method() {
     const STEP: f64 = 0.001;

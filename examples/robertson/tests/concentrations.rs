@@ -1,10 +1,10 @@
-//! The fractions against published values.
+//! Compares the fractions with published values.
 
 use fmu::simulation::ContinuousSimulation;
 use robertson::Robertson;
 
 /// Reference: the values at 40 s in Hairer and Wanner, "Solving Ordinary Differential Equations II", section IV.10, and
-/// in the SUNDIALS documentation. Tolerance: 1e-6 of each value; the solver keeps 1e-8 in each step.
+/// in the SUNDIALS documentation. Tolerance: 1e-6 of each value; the error tolerance of a single step is 1e-8.
 #[test]
 fn fractions_match_the_literature() {
     for steps in [1, 40, 1000] {
@@ -16,7 +16,7 @@ fn fractions_match_the_literature() {
         for (found, expected) in [x.a, x.b, x.c].into_iter().zip([0.715_827_068_8, 9.185_534_765e-6, 0.284_163_745_8]) {
             assert!((found / expected - 1.0).abs() < 1e-6, "{found} and {expected} in {steps} steps");
         }
-        // The sum is conserved up to rounding, because the three rates add up to zero in each stage of the solver.
+        // The sum is conserved except for rounding, because the three rates add up to zero in each stage of the solver.
         assert!((x.a + x.b + x.c - 1.0).abs() < 1e-12, "{}", x.a + x.b + x.c - 1.0);
     }
 }

@@ -43,7 +43,8 @@ macro_rules! rod {
                 let width = self.length / $cells as f64;
                 let rate = self.diffusivity / (width * width);
                 let cell = std::array::from_fn(|i| {
-                    // The temperature of an end is the mean of a cell and its mirror image.
+                    // The temperature of an end is the mean of the temperatures of the outermost cell and of its mirror
+                    // image.
                     let left = if i == 0 { -x[0] } else { x[i - 1] };
                     let right = if i == $cells - 1 { -x[i] } else { x[i + 1] };
                     (left - x[i] * 2.0 + right) * rate

@@ -1,9 +1,9 @@
-//! The mean temperature against the closed form of these cells.
+//! Compares the mean temperature with its closed form for this number of cells.
 
 use fmu::simulation::ContinuousSimulation;
 use rod::{CELLS, Rod, mean};
 
-/// Tolerance: 1e-6 of the value; the solver keeps 1e-8 in each step.
+/// Tolerance: 1e-6 of the value; the error tolerance of a single step is 1e-8.
 #[test]
 fn the_mean_temperature_matches_the_closed_form() {
     assert!((mean(CELLS, 0.0) - 100.0).abs() < 1e-9);

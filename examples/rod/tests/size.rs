@@ -120,7 +120,7 @@ fn references<E: Export>() -> (u32, u32) {
     (layout.states.at.reals as u32, layout.derivatives.at.reals as u32)
 }
 
-/// Runs `f` on a thread with a stack of this many KiB.
+/// Runs `f` on a thread whose stack is `size` KiB.
 fn within(size: usize, f: impl FnOnce() + Send) {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().stack_size(size * 1024);
@@ -128,8 +128,9 @@ fn within(size: usize, f: impl FnOnce() + Send) {
     });
 }
 
-/// Packed FMUs need up to 255 KiB for the solvers on `f64`, 480 KiB for the Rosenbrock solver, 640 KiB for derivatives.
-/// This test is compiled with less optimization, so it gets 1.5 times the stack of common threads (512 KiB and 1 MiB).
+/// Packed FMUs need up to 255 KiB of stack for the solvers that compute with `f64` only, 480 KiB for the Rosenbrock
+/// solver and 640 KiB for derivatives. This test is compiled with less optimization, so it gets 1.5 times the stack of
+/// common threads (512 KiB and 1 MiB).
 #[test]
 fn ten_thousand_states_run_on_a_small_stack_without_allocation_in_a_step() {
     fn check<E: Export>(step: usize)
@@ -164,7 +165,8 @@ fn ten_thousand_states_run_on_a_small_stack_without_allocation_in_a_step() {
     check::<rosenbrock::Rod>(1536);
 }
 
-/// Reference: row 1 of the Jacobian contains 0.2, -0.4 and 0.2. Three groups of columns are enough for all 10,000.
+/// Reference: row 1 of the Jacobian contains 0.2, -0.4 and 0.2. Three groups of columns are enough for all 10,000
+/// columns.
 #[test]
 fn an_adjoint_derivative_takes_one_evaluation_for_each_group_of_columns() {
     let mut fmu = instance::<runge_kutta::Rod>(0.2, false);
@@ -180,8 +182,8 @@ fn an_adjoint_derivative_takes_one_evaluation_for_each_group_of_columns() {
     assert!(EVALUATIONS.get() < 10, "{}", EVALUATIONS.get());
 }
 
-/// Reference: the same steps of an instance that was a ring from the start. With the structure of the rod, the Jacobian
-/// would lack an element.
+/// Reference: the same steps of an instance that was a ring from the start. If the structure of the open rod were still
+/// used, elements of the Jacobian would be missing.
 #[test]
 fn a_structure_that_changes_during_a_run_is_determined_again() {
     let layout = &short::Rod::description().layout;

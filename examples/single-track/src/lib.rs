@@ -69,7 +69,7 @@ pub struct Y<T> {
 }
 
 impl SingleTrack {
-    /// Force of an axle in N: linear for small slip angles, at most the friction times the axle load.
+    /// Force of an axle in N, linear for small slip angles and at most the friction coefficient times the axle load.
     fn force<T: Scalar>(&self, stiffness: f64, other_arm: f64, slip_angle: T) -> T {
         let most = self.friction * self.mass * GRAVITY * other_arm / (self.front + self.rear);
         (slip_angle * (stiffness / most)).tanh() * most

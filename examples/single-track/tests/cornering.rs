@@ -1,4 +1,4 @@
-//! Steady cornering against closed forms.
+//! Compares steady cornering with closed forms.
 
 use fmu::simulation::ContinuousSimulation;
 use single_track::{SingleTrack, U};
@@ -30,8 +30,8 @@ fn a_small_steering_angle_has_the_yaw_rate_of_the_linear_model() {
     assert!((acceleration / (p.speed * expected) - 1.0).abs() < 3e-6, "{acceleration}");
 }
 
-/// Reference: friction times gravity, the limit of both axles together. The car understeers: its front axle reaches its
-/// limit first. Tolerance: there, tanh(C alpha / (mu F_z)) is 0.92 at a slip angle of 0.1 rad.
+/// Reference: friction times gravity, the limit of both axles together. The car understeers: its front axle reaches the
+/// limit first. Tolerance: tanh(C alpha / (mu F_z)) of the front axle is 0.92 at a slip angle of 0.1 rad.
 #[test]
 fn a_large_steering_angle_reaches_the_friction() {
     let p = SingleTrack::default();

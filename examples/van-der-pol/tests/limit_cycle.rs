@@ -1,4 +1,4 @@
-//! The limit cycle against an independent solution.
+//! Compares the limit cycle with an independent solution.
 
 use fmu::simulation::ContinuousSimulation;
 use van_der_pol::VanDerPol;
@@ -28,7 +28,7 @@ fn amplitude_and_period_match_the_limit_cycle() {
             ((k as f64 + offset) * STEP, at - 0.25 * (before - after) * offset)
         })
         .collect();
-    // The first periods are still outside of the limit cycle.
+    // In the first periods, the motion has not yet reached the limit cycle.
     let [.., (before, _), (last, amplitude)] = maxima[..] else { panic!("two maxima") };
     assert!((amplitude - AMPLITUDE).abs() < 1e-6, "{amplitude}");
     assert!((last - before - PERIOD).abs() < 1e-4, "{}", last - before);

@@ -6,7 +6,7 @@ use fmu::prelude::*;
 
 use warehouse::{ReorderPoint, Warehouse};
 
-/// Longest step in days. A longer one is a mistake, for which an importer should not have to wait.
+/// Longest step in days. A longer step is a mistake, and an importer should not have to wait for it.
 const MOST_DAYS: i64 = 10_000;
 
 /// Parameters.

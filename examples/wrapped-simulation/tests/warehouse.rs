@@ -1,4 +1,4 @@
-//! The wrapped simulation against the equations of the stock.
+//! Compares the wrapped simulation with the equations of the stock.
 
 use std::path::Path;
 
@@ -8,9 +8,9 @@ use wrapped_simulation::{U, WrappedSimulation};
 
 const DAY: f64 = 86_400.0;
 
-/// Reference: with a constant demand d, a lot that is a multiple of it and a level of at least d * lead time, the stock
-/// at the end of a day is a sawtooth with the period lot / d. It goes from level - d * (lead time - 1) to this value
-/// plus lot - d.
+/// Reference: with a constant demand d, a lot that is a multiple of d and a level of at least d * lead time, the stock
+/// at the end of a day is a sawtooth with the period lot / d. Its lowest value is level - d * (lead time - 1), and its
+/// highest value is greater by lot - d.
 #[test]
 fn the_stock_is_a_sawtooth() {
     let model = WrappedSimulation::default();

@@ -1,9 +1,9 @@
 //! Runs FMUs in a separate process, for tests that observe a process or need a second one.
 //!
 //! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, the number of
-//!   allocations in the steps, and the number before ("-" if allocations are not counted);
+//!   allocations in the steps, and the number of earlier allocations ("-" if allocations are not counted);
 //! - `exercise master SCENARIO STOP...` executes the first run of a scenario in this process up to each time (s), and
-//!   prints the number of rows and of allocations ("-" if they are not counted);
+//!   prints the number of rows and the number of allocations ("-" if allocations are not counted);
 //! - `exercise life FMU...` calls every function of each FMU, with rejected calls, saved states and a reset;
 //! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, continues with the steps FIRST to
@@ -57,7 +57,7 @@ fn print_bits(bits: &[u64]) {
 
 fn steps(path: &str) {
     const STEPS: u32 = 300;
-    // Kept loaded: valgrind can name the functions of a library that is still there.
+    // The library stays loaded, because valgrind can name only functions of libraries that are still loaded.
     let fmu = Fmu::open_and_keep(Path::new(path), false);
     let excitation = Excitation::of(&fmu, 1);
     let outputs = fmu.references(Causality::Output);
@@ -93,7 +93,7 @@ fn master(scenario: &Path, stops: &[&str]) {
 }
 
 fn life(path: &str) {
-    // Kept loaded: valgrind can name the functions of a library that is still there.
+    // The library stays loaded, because valgrind can name only functions of libraries that are still loaded.
     let fmu = Fmu::open_and_keep(Path::new(path), false);
     tests::life::life(&fmu);
     println!("{}", fmu.name);

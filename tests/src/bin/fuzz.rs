@@ -1,14 +1,11 @@
 //! Calls FMUs in ways that no master should, and checks the responses: see `tests::fuzz`.
 //!
 //! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes at least N calls to each
-//! interface of each FMU, or to one interface only, and continues with each for at least T seconds; calls that only
-//! check
-//! the effect are additional. FMUs of FMI 2.0 and FMI 3.0 can be mixed. Equal seeds and FMUs give equal calls. It
-//! prints
-//! how often each function succeeded, was discarded and was rejected. At the first violation, it prints the seed and
-//! the
-//! last calls, and exits with 1. With `--verbose`, it prints every call before it is made, which shows a call that ends
-//! the process.
+//! interface of each FMU, or to one interface only, and spends at least T seconds on each. Additional calls check the
+//! effects. FMUs of FMI 2.0 and FMI 3.0 can be mixed. Equal seeds and FMUs give equal calls. It prints how often each
+//! function succeeded, was discarded and was rejected. At the first violation, it prints the seed and the last calls,
+//! and exits with 1. With `--verbose`, it prints every call before it is made, which shows a call that ends the
+//! process.
 
 use fmu_import::description::Interface;
 use std::path::Path;
@@ -66,7 +63,7 @@ fn main() -> ExitCode {
     };
     let start = Instant::now();
     let mut all = Report::default();
-    // Kept loaded: valgrind can name the functions of a library that is still there.
+    // The libraries stay loaded, because valgrind can name only functions of libraries that are still loaded.
     let fmus: Vec<_> = options.fmus.iter().map(|path| Fmu::open(Path::new(path))).collect();
     let raws: Vec<_> = fmus.iter().map(Raw::load).collect();
     let runs = || fmus.iter().zip(&raws).flat_map(|(fmu, raw)| interfaces(fmu).into_iter().map(move |i| (fmu, raw, i)));

@@ -25,16 +25,16 @@ use zip::ZipArchive;
 const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 /// Communication step in s.
 const STEP: f64 = 0.001;
-/// Steps of a single FMU.
+/// Number of steps of an FMU that runs alone.
 const STEPS: u32 = 2000;
-/// Closed loops, and where they stop in s.
+/// Closed loops, and their stop times in s.
 const LOOPS: [(&str, f64); 4] = [
     ("rescue_vehicle_step_steer", 7.0),
     ("hydro_pneumatic_jturn_random", 7.0),
     ("esp_car_braking", 2.5),
     ("heavy_vehicle_control", 3.0),
 ];
-/// Smallest peak to which a message relates a difference.
+/// Smallest peak by which a difference is divided in a message.
 const FLOOR: f64 = 1e-6;
 
 fn main() -> ExitCode {
@@ -111,7 +111,7 @@ fn alone(fmu: &Fmu) -> String {
 }
 
 /// Outputs of an FMU with the inputs of the reference run in its archive. As its documentation states, the outputs of a
-/// plant are read before the step, those of other FMUs after it.
+/// plant are read before the step, the outputs of other FMUs after the step.
 fn reference_run(fmu: &Fmu) -> String {
     let text = entry(&fmu.path, REFERENCE_RUN);
     let mut lines = text.lines();

@@ -1,11 +1,11 @@
 //! Soak tests: many instances and long runs, for automated tests and manual use.
 //!
-//! - `soak many INSTANCES THREADS SECONDS FMU...` keeps this number of instances of different FMUs alive while the
-//!   threads create, step, save, serialize, restore, reset and free them. It exits with 1 if the memory of the process
-//!   grows after the first quarter of the time;
-//! - `soak steps STEPS FMU` makes this number of steps of 1 ms. It exits with 1 if the time drifts or the memory grows;
-//! - `soak restore STATES FMU...` saves each FMU at this number of random instants and continues from each in another
-//!   process. It exits with 1 if a result is not bit-identical;
+//! - `soak many INSTANCES THREADS SECONDS FMU...` keeps INSTANCES instances of different FMUs alive while the threads
+//!   create, step, save, serialize, restore, reset and free them. It exits with 1 if the memory of the process grows
+//!   after the first quarter of the time;
+//! - `soak steps STEPS FMU` makes STEPS steps of 1 ms. It exits with 1 if the time drifts or the memory grows;
+//! - `soak restore STATES FMU...` saves the state of each FMU at STATES random times, and continues from each state in
+//!   another process. It exits with 1 if a result is not bit-identical;
 //! - `soak continue FMU STATES` is this other process.
 
 use fmu_import::loader::Instance;
@@ -18,8 +18,8 @@ use tests::{Fmu, ok};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
-/// Memory growth that is attributed to the allocator, in bytes: it keeps memory per thread and fills gaps in any order.
-/// If instances leak (a few kB each, with their states), a few thousand of them exceed this.
+/// Memory growth, in bytes, that is attributed to the allocator, which keeps memory for each thread and fills gaps in
+/// any order. If instances leak (a few kB each, with their states), a few thousand of them exceed this growth.
 const TOLERANCE: u64 = 8 << 20;
 
 fn main() -> ExitCode {
@@ -198,7 +198,8 @@ fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
         }
         ok(instance.do_step(time, STEP));
         ok(instance.get_real(&outputs, &mut y));
-        // The master's product and the FMU's sum can differ by rounding, by at most one unit in the last place.
+        // The master computes the time as a product, the FMU as a sum. The rounding of the two can differ by at most
+        // one unit in the last place.
         let expected = (k + 1) as f64 * STEP;
         let found = ok(instance.last_successful_time());
         if (found - expected).abs() > f64::EPSILON * expected {
@@ -210,7 +211,7 @@ fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
     flat(before, memory())
 }
 
-/// Steps that are compared after each state.
+/// Number of steps after each restored state that are compared.
 const TAIL: u32 = 10;
 
 fn fingerprint(bits: &[u64]) -> u64 {

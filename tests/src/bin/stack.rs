@@ -2,8 +2,9 @@
 //!
 //! - `stack FMU...` prints for each FMU the smallest stack of a thread, in whole pages and in kB of 1024 bytes, that
 //!   suffices for a complete use of the FMU (all functions, rejected calls, saved states, a reset);
-//! - `stack --within KB FMU` makes these calls in a thread with this stack; if it overflows, a signal ends the process;
-//! - `stack --within KB --below KB FMU` calls the FMU below stack frames of this size.
+//! - `stack --within KB FMU` makes these calls in a thread with a stack of KB kB; if the stack overflows, a signal ends
+//!   the process;
+//! - `stack --within KB --below KB FMU` calls the FMU below stack frames with a total size of KB kB.
 //!
 //! The result includes the start of the thread and about 2 kB for the frames of this program.
 
@@ -12,7 +13,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use tests::Fmu;
 
-/// Range of tested sizes. Below the first one, the system gives a thread more than requested.
+/// Range of tested sizes. The system does not give a thread a smaller stack than the first size.
 const LEAST_KB: usize = 16;
 const MOST_KB: usize = 1024;
 const PAGE_KB: usize = 4;
@@ -47,7 +48,7 @@ fn kb(argument: &str) -> usize {
     argument.parse().expect("KB is a number")
 }
 
-/// Calls `work` below stack frames with a total size of at least this many kB.
+/// Calls `work` below stack frames with a total size of at least `frames` kB.
 fn below(frames: usize, work: &dyn Fn()) {
     let frame = [0_u8; 1024];
     if frames > 1 {
@@ -72,7 +73,7 @@ fn within(size: usize, frames: usize, path: &str) {
     });
 }
 
-/// Returns true if all calls of an FMU fit into a stack of this many kB.
+/// Returns true if all calls of an FMU fit into a stack of `size` kB.
 fn is_enough(size: usize, path: &str) -> bool {
     let program = std::env::current_exe().expect("the path of this program");
     // A child process that a signal ends leaves its unpacked files in this folder.

@@ -87,7 +87,7 @@ impl Fuzzer<'_> {
         if self.version == FmiVersion::V2 { references.len() } else { references.iter().copied().map(size).sum() }
     }
 
-    /// References, mostly of variables of that type.
+    /// Random references, mostly of variables of this type.
     pub(super) fn references(&mut self, data_type: DataType) -> Vec<Reference> {
         let of_type: Vec<_> = self.of_type(data_type).map(|spec| spec.reference).collect();
         if self.chance(8) {

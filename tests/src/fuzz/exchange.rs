@@ -9,7 +9,8 @@ use fmu_import::description::Interface;
 struct Numbers {
     function: &'static str,
     is_of_states: bool,
-    /// The function can return fmi2Discard, if a number is not finite; the array is then undefined.
+    /// True if the function can return fmi2Discard because a number is not finite; the content of the array is then
+    /// undefined.
     may_be_discarded: bool,
     is_positive: bool,
 }
@@ -57,7 +58,7 @@ impl Fuzzer<'_> {
         values
     }
 
-    /// Usually `length`, sometimes a wrong length of an array.
+    /// A length to state for an array: usually `length`, sometimes a wrong length.
     fn length(&mut self, length: usize) -> usize {
         match self.random.below(40) {
             0 => usize::MAX,

@@ -25,8 +25,8 @@ const ENTER_STEP: &str = "fmi3EnterStepMode";
 const TERMINATE: &str = "fmi2Terminate";
 const RESET: &str = "fmi2Reset";
 
-/// Functions without arguments; the FMU state they lead to, if they change it and it is the same in all interfaces; the
-/// libraries that contain them.
+/// Functions without arguments; the FMU state to which they lead, if they change it and the new state is the same in
+/// all interfaces; the libraries that contain the functions.
 const TRANSITIONS: [(&str, Option<Mode>, Libraries); 11] = [
     (ENTER_INITIALIZATION, Some(INITIALIZATION), Libraries::All),
     (EXIT_INITIALIZATION, None, Libraries::All),
@@ -83,7 +83,8 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Calls a transition, usually towards the FMU state in which a simulation advances, and rarely out of it.
+    /// Calls a transition, which usually leads toward the FMU state in which a simulation advances, and rarely out of
+    /// it.
     pub(super) fn transition(&mut self, at: usize) -> Checked {
         let (mode, is_exchange) = (self.slots[at].mode, self.slots[at].interface == Interface::ModelExchange);
         let is_fmi2 = self.version == FmiVersion::V2;
@@ -121,7 +122,7 @@ impl Fuzzer<'_> {
         ensure(function != RESET || status == OK, || "a reset was rejected".to_owned())
     }
 
-    /// Start and stop time.
+    /// A random start and stop time.
     fn experiment(&mut self) -> (f64, f64) {
         let start = if self.chance(2) { self.wild() } else { 0.0 };
         (start, if self.chance(3) { self.wild() } else { 1e6 })
@@ -211,7 +212,7 @@ impl Fuzzer<'_> {
         (reals().map(|spec| spec.reference).collect(), reals().map(|spec| spec.size).sum())
     }
 
-    /// Reads values of all types, because some are computed when they are first needed. Event indicators are read
+    /// Reads values of all types, because some are computed only when they are first needed. Event indicators are read
     /// separately, because the call can be discarded.
     pub(super) fn compute(&mut self, at: usize) -> Checked {
         let (reals, count) = self.reals();
@@ -245,7 +246,7 @@ impl Fuzzer<'_> {
         statuses.into_iter().try_for_each(|(function, status)| self.probed(function, status))
     }
 
-    /// Returns an error unless the status is that of a rejected call.
+    /// Returns an error unless the call was rejected.
     pub(super) fn always_rejected(&self, function: &'static str, status: RawStatus) -> Checked {
         ensure(status == ERROR, || format!("{} returned {status}", self.name(function)))
     }

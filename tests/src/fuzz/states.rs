@@ -6,8 +6,8 @@ use crate::raw::{OK, RawState};
 use crate::state_bytes::{COLUMN_AT, GUID_AT, Place, VERSION_AT, seal};
 
 impl Fuzzer<'_> {
-    /// A state to pass, with its index in the list and its kind: from this instance, from another one, freed, null or
-    /// invented.
+    /// A state to pass, with its index in the list and its kind: from this instance, from another instance, freed, null
+    /// or invented.
     pub(super) fn some_state(&mut self, at: usize) -> (RawState, Option<usize>, &'static str) {
         let other = (at + 1) % self.slots.len();
         let own = self.slots[at].states.len();
@@ -22,8 +22,8 @@ impl Fuzzer<'_> {
                 return (self.slots[at].states[place].0, Some(place), "own");
             }
         };
-        // A new state may have the address of a freed one. An invented pointer, which is rejected like a freed state,
-        // is used instead, so runs do not depend on addresses.
+        // A new state may have the address of a freed one. Runs would then depend on addresses, so an invented pointer
+        // is used instead, which is rejected like a freed state.
         let is_used_again = self.slots[at].states.iter().any(|known| known.0 == state);
         (if is_used_again { RawState::invented(0xdead_beef) } else { state }, None, what)
     }
@@ -45,15 +45,15 @@ impl Fuzzer<'_> {
         }
     }
 
-    /// Where to save a state: a null pointer or an existing state; `None` if there are enough states and none was
-    /// chosen.
+    /// Where to save a state: a null pointer or an existing state. `None` if there are enough states and no existing
+    /// state was chosen.
     pub(super) fn target(&mut self, at: usize) -> Option<(RawState, Option<usize>, &'static str)> {
         let is_full = self.slots[at].states.len() >= STATES;
         let target = if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
         (!(target.0.is_null() && is_full)).then_some(target)
     }
 
-    /// Records the FMU state of the saved state at `place`, or a new saved state.
+    /// Records the FMU state in which the saved state at `place` was saved, or adds a new saved state to the list.
     pub(super) fn keep(&mut self, at: usize, place: Option<usize>, state: RawState, mode: Option<Mode>) {
         match place {
             Some(place) => self.slots[at].states[place].1 = mode,
@@ -172,7 +172,8 @@ impl Fuzzer<'_> {
                 self.other_version(&mut bytes);
                 ("of another version", Some(false))
             }
-            // Changes with a valid checksum: crafted values, or a state of another FMU with this GUID.
+            // The bytes get changes and a valid checksum: crafted values, or a state of another FMU with the GUID of
+            // this FMU.
             5 => {
                 for _ in 0..1 + self.random.below(3) {
                     self.craft(&mut bytes);
@@ -192,7 +193,7 @@ impl Fuzzer<'_> {
                 if self.chance(2) {
                     ("foreign", Some(false))
                 } else {
-                    // The other FMU's bytes get this FMU's GUID; the values may happen to be valid.
+                    // The bytes of the other FMU get the GUID of this FMU. Their values may happen to be valid.
                     replace_guid(&mut bytes, &guid);
                     if self.chance(2) {
                         bytes[COLUMN_AT] ^= 1;
@@ -227,7 +228,8 @@ impl Fuzzer<'_> {
         Ok(())
     }
 
-    /// Makes the bytes those of another version of the exporter or the FMU: with another format number or GUID.
+    /// Changes the format number or the GUID in the bytes, as if they came from another version of the exporter or the
+    /// FMU.
     pub(super) fn other_version(&mut self, bytes: &mut Vec<u8>) {
         let mut other = guid(bytes).to_vec();
         match self.random.below(5) {
@@ -247,8 +249,8 @@ impl Fuzzer<'_> {
         replace_guid(bytes, &other);
     }
 
-    /// Changes a time or the number of samples, single bytes anywhere, eight bytes anywhere, or the value of a real
-    /// variable.
+    /// Changes a time or the number of samples, individual bytes anywhere, eight consecutive bytes anywhere, or the
+    /// value of a real variable.
     pub(super) fn craft(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
         let reals = self.reals().0;

@@ -6,7 +6,8 @@ use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion};
 
 impl Fuzzer<'_> {
-    /// The number of values to state: usually that of the variables, in FMI 2.0 that of the references.
+    /// The number of values to state: usually the number of values of the variables, in FMI 2.0 the number of
+    /// references.
     fn value_count(&mut self, references: &[Reference], count: usize) -> usize {
         if self.version == FmiVersion::V2 {
             return count;
@@ -87,7 +88,7 @@ impl Fuzzer<'_> {
     pub(super) fn get_real(&mut self, at: usize) -> Checked {
         let mut references = self.references(DataType::Float64);
         if let Some(time) = self.time.filter(|_| self.chance(8)) {
-            // The value references of the event indicators follow that of the time.
+            // The value references of the event indicators follow the value reference of the time.
             let special = time + self.random.below(self.indicators as u64 + 2) as Reference;
             references.push(special);
             let position = self.index(references.len());

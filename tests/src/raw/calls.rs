@@ -61,7 +61,7 @@ impl RawInstance<'_> {
         }
     }
 
-    /// A function that gets nothing but the instance.
+    /// Calls a function whose only argument is the instance.
     pub fn transition(&self, name: &str) -> RawStatus {
         let function: c_api::Transition = self.raw.function(name);
         // SAFETY: a live instance or null.
@@ -123,7 +123,8 @@ impl RawInstance<'_> {
 
     fn access_state(&self, name: &str, state: Option<&mut RawState>) -> RawStatus {
         let function: c_api::AccessState = self.raw.function(name);
-        // SAFETY: the FMU accepts back only pointers that it gave out, which is what is tested; else null.
+        // SAFETY: null, or any pointer: the FMU only compares it with the pointers that it has returned, and the tests
+        // check this.
         unsafe { function(self.component, state.map_or(ptr::null_mut(), |state| &raw mut state.0)) }
     }
 
@@ -144,7 +145,8 @@ impl RawInstance<'_> {
     /// fmi2SerializeFMUstate; `None` is a null pointer.
     pub fn serialize(&self, state: RawState, bytes: Option<&mut [u8]>, size: usize) -> RawStatus {
         let function: c_api::SerializeState = self.raw.function("fmi2SerializeFMUstate");
-        // Only as much as the state needs is written, so no stated size is impossible here.
+        // The stated size must not exceed the array. Greater sizes would test nothing more, because the FMU writes only
+        // as many bytes as the state needs.
         assert!(bytes.as_ref().is_none_or(|bytes| size <= bytes.len()), "the array is shorter than stated");
         // SAFETY: as above; an array of the stated length, or null.
         unsafe { function(self.component, state.0, pointer_mut(bytes, size).cast(), size) }
@@ -240,7 +242,8 @@ impl RawInstance<'_> {
         }
     }
 
-    /// fmi2GetString into an array with room for that many strings, or into none, and the strings if it returns fmi2OK.
+    /// Calls fmi2GetString with an array for `room` strings, or with a null pointer; returns the strings if the status is
+    /// fmi2OK.
     pub fn get_texts(
         &self,
         references: Option<&[Reference]>,
@@ -256,7 +259,7 @@ impl RawInstance<'_> {
         (status, written.iter().filter(|text| !text.0.is_null()).map(read).collect())
     }
 
-    /// The messages that the logger got since the last time; none without a logger.
+    /// The messages that the logger received since the last call; none if there is no logger.
     #[must_use]
     pub fn take_log(&self) -> Vec<Entry> {
         self.log.as_deref().map(LogBook::take).unwrap_or_default()

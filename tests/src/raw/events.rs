@@ -9,7 +9,8 @@ use std::ptr;
 /// The flags of fmi2NewDiscreteStates and fmi3UpdateDiscreteStates, in their order, and the time of the next event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpdateFlags {
-    /// A new update is needed, terminate, nominals changed, states changed, the time of the next event is defined.
+    /// In this order: a new update is needed, the simulation is to be terminated, nominal values changed, states
+    /// changed, the time of the next event is defined.
     pub flags: [c_int; 5],
     /// nextEventTime.
     pub next_event_time: f64,

@@ -40,8 +40,8 @@ const NAMES: [[&str; 2]; 34] = [
     ["fmi2Terminate", "fmi3Terminate"],
 ];
 
-/// The name that a version gives the function of this name in FMI 2.0. Names of functions that only one version has stay as
-/// they are.
+/// The name, in this version of FMI, of the function that is called `name` in FMI 2.0. The name of a function that
+/// exists in only one version is not changed.
 #[must_use]
 pub fn in_version(version: FmiVersion, name: &str) -> &str {
     if version == FmiVersion::V2 {

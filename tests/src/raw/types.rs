@@ -11,7 +11,7 @@ type ThreeArrays = unsafe extern "C" fn(Component, *const Reference, usize, Poin
 type Counted = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, usize) -> RawStatus;
 type CountedPairs = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, Pointer, usize) -> RawStatus;
 
-/// Arguments of a function behind the value references and their number.
+/// Arguments that follow the value references and their number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Arrays of values.
@@ -53,8 +53,8 @@ pub const TYPES_WITHOUT_VARIABLES: [(&str, Shape); 26] = [
 ];
 
 impl RawInstance<'_> {
-    /// One of [`TYPES_WITHOUT_VARIABLES`], with the same array in place of each array of values. Its length is the number of
-    /// value references, each with the room of the largest type.
+    /// Calls one of [`TYPES_WITHOUT_VARIABLES`], with the same array in place of each array of values. The array has an
+    /// element of the size of the largest type for each value reference.
     pub fn without_variables(
         &self,
         (name, shape): (&str, Shape),

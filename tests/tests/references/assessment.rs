@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 /// Relative tolerance of an expected number; for an expected 0, [`ZERO`] is the absolute tolerance.
 const TOLERANCE: f64 = 1e-6;
 const ZERO: f64 = 1e-9;
-/// Tolerance for closed loops, whose expected numbers are from an integration with smaller steps.
+/// Tolerance for closed loops, whose expected numbers come from an integration with smaller steps.
 const LOOP: f64 = 1e-3;
 
 /// Tolerance for a mirrored recording, which differs only by rounding.
@@ -74,7 +74,7 @@ fn evaluators_find_the_expected_metrics() {
     }
 }
 
-/// The sections of the coned track follow the standard, unless they are given.
+/// The sections of the coned track follow the standard, unless the options of the evaluator contain them.
 #[test]
 fn sections_may_be_given() {
     let entries = expected();
@@ -136,7 +136,7 @@ fn a_mirrored_recording_has_the_same_metrics() {
     }
 }
 
-/// A run can end at any row; this does not cause a panic, and all metrics are listed.
+/// Wherever a run ends, the evaluator does not panic, and it lists all metrics.
 #[test]
 fn a_recording_may_end_anywhere() {
     for (name, entry) in &expected() {

@@ -6,8 +6,8 @@ use crate::{Case, Limit, NOTHING, Rule, compare, within};
 const DRIVER: Case = Case {
     inputs: &["vehicle.*", "body.roll_rate"],
     program: &[Run("PathDriver")],
-    // Points define the path, so two implementations differ only by rounding. Outputs have 14 digits; the largest are
-    // stations of some 100 m.
+    // Points define the path, so two implementations differ only by rounding. Outputs have 14 digits; the largest
+    // values are stations of some 100 m.
     limits: &[Limit { rule: Rule::Absolute(1e-9), ..within(0.0) }],
     ..NOTHING
 };
@@ -104,7 +104,7 @@ fn bicycle_car() {
         step: 0.002,
         inputs: &["driver.speed", "steer.front", "road_friction.fl"],
         program: &[Read("BicycleCar"), Set("BicycleCar"), Step("BicycleCar")],
-        // The reference integrates with the same RK4 substeps of 1 ms, and has 12 digits.
+        // The reference integrates with the same RK4 substeps of 1 ms, and its file has 12 digits.
         limits: &[within(1e-6)],
         ..NOTHING
     };

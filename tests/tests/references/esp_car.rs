@@ -9,14 +9,14 @@ const PLANT: Case = Case {
     inputs: &["steer.front", "road_height.*", "suspension_force.*", "brake_torque.*", "drive_torque.*"],
     parameters: &[ROLLING],
     program: &[Read("EspCar"), Set("EspCar"), Step("EspCar")],
-    // The reference integrates with 20 RK4 substeps per row, which gives an error of 7e-7 of the peaks; the FMU has 10
-    // substeps.
+    // The reference integrates with 20 RK4 substeps per row, which causes an error of 7e-7 of the peaks; the FMU makes
+    // 10 substeps per row.
     limits: &[within(1e-5)],
     ..NOTHING
 };
 
 const CONTROLLER: Case = Case {
-    // These FMUs integrate nothing. The file has 9 digits; the inputs were rounded before the run.
+    // These FMUs have no integration error. The file has 9 digits; the inputs were rounded before the run.
     limits: &[within(1e-7)],
     ..NOTHING
 };
@@ -29,7 +29,7 @@ const LOOP: Case = Case {
         Run("FiniteStateCoordination"),
         Run("SemiActivePidSuspension"),
         Run("DirectYawControl"),
-        // The antilock brakes need the pressure from the pedal in this row.
+        // The antilock brakes need the pressure that the pedal demands in the same row.
         Set("BrakeAndDriveActuators"),
         Read("BrakeAndDriveActuators"),
         Run("AntilockBraking"),
@@ -41,9 +41,9 @@ const LOOP: Case = Case {
     ..NOTHING
 };
 
-/// The suspension forces jump when the suspension velocity changes its sign, the state and the gains when a threshold
-/// is crossed; such a jump can be off by one row. This, and the rounding of the road in the file, affect the other
-/// signals only slightly.
+/// The suspension forces jump when the suspension velocity changes its sign; the state and the gains jump when a signal
+/// crosses a threshold. Such a jump can be off by one row. These shifts, and the rounding of the road in the file,
+/// affect the other signals only slightly.
 const SWITCHING: &[Limit] = &[
     Limit { except: &["coordination.state", "suspension_integral_gain.*", "suspension_force.*"], ..within(1e-4) },
     Limit { columns: &["suspension_force.*"], rule: Rule::Mismatch { tolerance: 1e-3, share: 0.005 }, ..within(0.0) },

@@ -12,14 +12,14 @@ const PLANT: Case = Case {
     inputs: &["road_height.*", "steer.*", "suspension_force.*"],
     constants: SPEED_60,
     program: &[Read("HeavyVehicle"), Set("HeavyVehicle"), Step("HeavyVehicle")],
-    // The reference integrates with 8 RK4 substeps per row, which gives an error of 4e-10 of the peaks, and has 9
+    // The reference integrates with 8 RK4 substeps per row, which causes an error of 4e-10 of the peaks. The file has 9
     // digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
 
 const CONTROLLER: Case = Case {
-    // The reference has 9 digits.
+    // The file has 9 digits.
     limits: &[within(1e-7)],
     ..NOTHING
 };
@@ -119,8 +119,8 @@ fn closed_loop_with_all_controllers_in_a_step_steer() {
     compare(&Case { file: "heavy_vehicle/loop_step60_roadB_all", program: CONTROLLED, ..LOOP });
 }
 
-/// Reference: the symmetry of the truck and its rules. Tolerance: 1e-11 of the peaks, because sums in another order are
-/// rounded differently.
+/// Reference: the symmetry of the truck and its rules. The tolerance is 1e-11 of the peaks, because sums in a different
+/// order are rounded differently.
 #[test]
 fn closed_loop_in_a_mirror() {
     let table = Table::read("heavy_vehicle/loop_step60_roadB_all");
@@ -163,7 +163,7 @@ fn other_side(name: &str) -> String {
     }
 }
 
-/// -1 for quantities that change their sign in the mirror: those along y, and rotations about x or z.
+/// -1 for quantities that change their sign in the mirror: quantities along y, and rotations about x or z.
 fn sign(name: &str) -> f64 {
     const ODD: &[&str] = &[
         "driver.steer",
@@ -231,7 +231,8 @@ fn plain(fmu: &Fmu, rule_table: f64, gains: [f64; 3], scale: f64) -> Instance {
 
 #[test]
 fn fuzzy_rules_make_the_whole_surfaces() {
-    // Increments up to 3 with 9 digits give 5e-9; the rest is rounding of gains of 10.
+    // Increments up to 3 that are printed with 9 digits have an error of 5e-9. The rest of the tolerance covers the
+    // rounding of gains of 10.
     let table = Table::read("heavy_vehicle/fuzzy_surfaces");
     let fmu = Fmu::named("ActiveFrontSteering");
     let reference = fmu.reference("reference.yaw_rate");
@@ -252,7 +253,7 @@ fn fuzzy_rules_make_the_whole_surfaces() {
 
 #[test]
 fn the_middle_ratio_follows_the_rear_one() {
-    // Ratios up to 1 with 9 digits.
+    // The file contains ratios up to 1 with 9 digits.
     let table = Table::read("heavy_vehicle/fuzzy_k1");
     let fmu = Fmu::named("AllWheelSteering");
     let inputs = ["driver.steer", "vehicle.sideslip"].map(|name| fmu.reference(name));

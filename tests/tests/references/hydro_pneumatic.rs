@@ -9,7 +9,7 @@ const PLANT: Case = Case {
     inputs: &["road_height.*", "steer.front", "suspension_force.*"],
     constants: SPEED,
     program: &[Read("HydroPneumaticHalfCar"), Set("HydroPneumaticHalfCar"), Step("HydroPneumaticHalfCar")],
-    // The reference integrates with 20 RK4 substeps per row and has 10 digits.
+    // The reference integrates with 20 RK4 substeps per row. The file has 10 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -17,7 +17,7 @@ const PLANT: Case = Case {
 const COMFORT: Case = Case {
     inputs: &["wheel_height.l", "body.*", "wheel_velocity.l"],
     program: &[Run("ComfortSlidingMode")],
-    // Static laws, 10 digits.
+    // The control laws have no state, and the file has 10 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -51,9 +51,9 @@ const LOOP: Case = Case {
     ..NOTHING
 };
 
-/// Sign functions chatter: after the handling law begins to act, a difference in the last digit can change single
-/// switches. Before that, halving the substeps of the reference changes it by 6e-5. After that, only quantities that do
-/// not depend on the exact sequence of switches can agree.
+/// Sign functions chatter. After the handling law begins to act at 5 s, a difference in the last digit can shift
+/// individual switchings. Before 5 s, the reference changes by 6e-5 if its substeps are halved. After 5 s, only
+/// quantities that do not depend on the exact sequence of switchings can agree.
 const CHATTER: &[Limit] = &[
     Limit { to: 5.0, ..within(1e-3) },
     Limit { columns: &["body.roll"], from: 5.0, rule: Rule::Absolute(5e-3), ..within(0.0) },
@@ -73,7 +73,8 @@ fn plant_on_a_road_with_forces() {
 
 #[test]
 fn plant_with_a_wheel_in_the_air() {
-    // RK4 loses its order at lift-off, which is a kink: the reference has an error of 3e-7 with 20 substeps.
+    // RK4 loses its order at lift-off, where the derivative has a kink. The error of the reference with 20 substeps is
+    // 3e-7.
     compare(&Case { file: "hydro_pneumatic/plant_lift_off", limits: const { &[within(1e-4)] }, ..PLANT });
 }
 
@@ -135,7 +136,7 @@ fn closed_loop_with_the_comfort_law_in_a_j_turn() {
     compare(&Case {
         file: "hydro_pneumatic/loop_jturn_random_rcsmc",
         parameters: &[("SuspensionSwitch", "strategy", 1.0)],
-        // Halving the substeps of the reference changes it by 6e-7; switches of the sign function add to that.
+        // The reference changes by 6e-7 if its substeps are halved. Switchings of the sign function add to this error.
         limits: const { &[within(1e-4)] },
         ..LOOP
     });

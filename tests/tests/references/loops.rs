@@ -1,4 +1,5 @@
-//! Closed loops of PathDriver and a vehicle, executed by the master, against an independent implementation of both.
+//! Compares closed loops of PathDriver and a vehicle, executed by the master, with an independent implementation of
+//! both.
 
 use super::table::Table;
 use fmu_assess::{Evaluation, Trace, Value, evaluators};
@@ -9,8 +10,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Tolerance, as a share of each column's peak. In the reference, the first sample of the driver uses the plant's
-/// outputs after initialization, so a plant with prescribed speed gets this speed one step earlier than here. The
-/// vehicles of the reference are also integrated with smaller steps.
+/// outputs after initialization, so a plant with a prescribed speed gets this speed one step earlier than in these
+/// runs. The vehicles of the reference are also integrated with smaller steps.
 const TOLERANCE: f64 = 1e-4;
 
 /// Relative tolerance for metrics, because the reference integrates its vehicles with smaller steps.
@@ -28,7 +29,7 @@ struct Loop {
     ratio: f64,
 }
 
-/// The scenario of a loop: driver, brakes and drive if the plant needs them, plant.
+/// The scenario of a loop: the driver, the brakes and the drive if the plant needs them, and the plant.
 fn scenario(case: &Loop, columns: &[String], stop: f64) -> String {
     let plant = fmu_import::archive::read_description(&tests::folder().join(format!("{}.fmu", case.plant))).unwrap();
     let inputs: Vec<&str> = (plant.variables.iter())
@@ -74,7 +75,7 @@ fn scenario(case: &Loop, columns: &[String], stop: f64) -> String {
     text
 }
 
-/// Compares the metrics of our run with those of the reference.
+/// Compares the metrics of a run with those of the reference.
 fn compare_metrics(file: &str, recording: &master::Recording, names: &[&str], ratio: f64) {
     let path = tests::workspace().join("tests/references/driving/loops.json");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -136,7 +137,8 @@ fn compare(case: &Loop) {
         let index = plan.columns.iter().position(|column| column.name == *name).expect("it is recorded");
         let expected = table.column(name);
         let peak = expected.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
-        // The reference has no row at the start: the driver's values in a row were held during the step before it.
+        // The reference has no row at the start. Each row contains the values of the driver that were held during the
+        // preceding step.
         let found = &recording.column(index).unwrap()[1..];
         assert_eq!(found.len(), expected.len(), "{name}");
         let difference = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

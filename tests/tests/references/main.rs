@@ -48,7 +48,7 @@ struct Case {
     file: &'static str,
     /// Time from one row to the next in s.
     step: f64,
-    /// Columns that are inputs; `*` at the end stands for anything.
+    /// Columns that are inputs; a `*` at the end stands for any text.
     inputs: &'static [&'static str],
     /// Constant signals, which the file does not contain.
     constants: &'static [(&'static str, f64)],
@@ -56,13 +56,13 @@ struct Case {
     wires: &'static [(&'static str, &'static str, &'static str)],
     /// Columns that are not compared.
     ignored: &'static [&'static str],
-    /// Columns whose signal has another name. If there are any, only these are compared.
+    /// Columns whose signal has another name. If there are such columns, no other columns are compared.
     renamed: &'static [(&'static str, &'static str)],
     parameters: &'static [(&'static str, &'static str, f64)],
     /// String parameters that name a file in the folder of the reference data.
     files: &'static [(&'static str, &'static str, &'static str)],
     program: &'static [Call],
-    /// Limits for the columns. Of several limits with the same [`Rule`] and time, the first that lists a column
+    /// Limits for the columns. If several limits with the same [`Rule`] and times list a column, the first of them
     /// applies.
     limits: &'static [Limit],
 }
@@ -84,9 +84,9 @@ const NOTHING: Case = Case {
 /// A limit on the errors in some columns.
 #[derive(Clone, Copy, Debug)]
 struct Limit {
-    /// The columns; `*` at the end stands for anything.
+    /// The columns; a `*` at the end stands for any text.
     columns: &'static [&'static str],
-    /// Columns among them that are excluded.
+    /// Columns that are excluded, although `columns` matches them.
     except: &'static [&'static str],
     /// The rows with from <= time < to.
     from: f64,
@@ -94,8 +94,8 @@ struct Limit {
     rule: Rule,
 }
 
-/// Measure of errors and its limit. The peak is that of the reference column, at least 1e-6, so that columns that are
-/// zero up to rounding pass.
+/// Measure of the errors, and its limit. The peak is the peak of the reference column, or 1e-6 if that is greater:
+/// columns that are zero except for rounding then pass.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
     /// Largest |error|, divided by the peak.
@@ -155,7 +155,7 @@ fn matches(name: &str, patterns: &[&str]) -> bool {
     })
 }
 
-/// An FMU with its wires: value references and positions on the bus.
+/// An FMU and its connections: value references and positions on the bus.
 struct Component {
     instance: Instance,
     inputs: Wires,
@@ -350,7 +350,7 @@ fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
 /// Runs a case and checks every column that is not an input against the limits.
 fn compare(case: &Case) {
     let table = Table::read(case.file);
-    // The compared columns, with the names of their signals.
+    // The columns to compare, with the names of their signals.
     let compared: Vec<(&str, &str)> = if case.renamed.is_empty() {
         let names = table.names.iter().map(String::as_str);
         let names = names.filter(|name| *name != "time" && !matches(name, case.inputs) && !matches(name, case.ignored));

@@ -9,7 +9,7 @@ use tests::all;
 /// forces differ from their geometric mean by a factor of 5; gentle and violent maneuvers add another factor of 5.
 const FACTOR: f64 = 25.0;
 
-/// Smaller peaks are not compared: the signal is zero in the data.
+/// Smaller peaks are not compared, because the signal is zero in the data.
 const FLOOR: f64 = 1e-9;
 
 /// Nominal values by name; the default is 1.
@@ -58,7 +58,7 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
     let mut compared = BTreeSet::new();
     let mut wrong = Vec::new();
     for vehicle in ["rescue_vehicle", "heavy_vehicle", "esp_car", "hydro_pneumatic", "driving"] {
-        // The peak is the largest of all wheels, because some files move only one of them.
+        // The peak is the largest value of all wheels, because only one wheel moves in some files.
         let mut families = BTreeMap::<&str, f64>::new();
         let peaks = peaks(vehicle);
         for (name, peak) in peaks.iter().filter(|(name, _)| nominal.contains_key(*name)) {
@@ -75,7 +75,8 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
         }
     }
     assert!(wrong.is_empty(), "nominal values are not within a factor {FACTOR}:\n{}", wrong.join("\n"));
-    // These have no reference data: a road's distance, states that are not signals, and signals of any magnitude.
+    // There are no reference data for the distance of a road, for states that are not signals, and for signals of any
+    // magnitude.
     let missing: BTreeSet<_> =
         nominal.keys().map(|name| family(name)).filter(|signal| !compared.contains(*signal)).collect();
     let expected =
@@ -93,7 +94,7 @@ fn nominal_values_are_round() {
     }
 }
 
-/// Solvers scale the error of a state by its nominal value, which is 1 if none is declared.
+/// Solvers scale the error of a state by its nominal value, which is 1 if it is not declared.
 #[test]
 fn every_continuous_state_has_a_nominal_value() {
     let mut states = 0;
@@ -103,6 +104,6 @@ fn every_continuous_state_has_a_nominal_value() {
             states += 1;
         }
     }
-    // RescueVehicle alone has 23.
+    // RescueVehicle alone has 23 states.
     assert!(states > 23, "{states} states in all FMUs");
 }

@@ -7,8 +7,8 @@ use tests::{Fmu, ok, real, reals};
 const PLANT: Case = Case {
     inputs: &["driver.speed", "steer.*", "suspension_force.*", "road_height.*"],
     program: &[Set("RescueVehicle"), Read("RescueVehicle"), Step("RescueVehicle")],
-    // The reference integrates with 16 RK4 substeps per row, the FMU with 4: a difference of 3e-10 in smooth runs. The
-    // file has 8 digits.
+    // The reference integrates with 16 RK4 substeps per row, the FMU with 4. In smooth runs, this makes a difference of
+    // 3e-10. The file has 8 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -37,17 +37,17 @@ const LOOP: Case = Case {
 const STEERING: Case = Case {
     inputs: &["driver.steer", "vehicle.*", "weight.steering"],
     program: &[Run("DualSlidingModeSteering")],
-    // Printed with 8 digits.
+    // The file has 8 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
 
-/// The front axle alone, with the same run: its limits do not depend on the other axles.
+/// The front axle alone, with the same file, because its limits do not depend on the other axles.
 const FRONT_AXLE: Case = Case {
     inputs: &["driver.steer", "vehicle.speed"],
     program: &[Run("FrontSteeringActuator")],
     renamed: &[("steer.front", "steer.front")],
-    // Printed with 8 digits.
+    // The file has 8 digits.
     limits: &[within(1e-6)],
     ..NOTHING
 };
@@ -68,8 +68,8 @@ fn plant_in_ordinary_driving() {
 
 #[test]
 fn plant_with_wheels_in_the_air_and_saturated_tires() {
-    // When a wheel lifts off, the derivative has a kink and RK4 loses its order: the error is 1e-6 with 0.25 ms. The
-    // tolerance is 100 times this.
+    // When a wheel lifts off, the derivative has a kink and RK4 loses its order: the error is 1e-6 with substeps of
+    // 0.25 ms. The tolerance is 100 times this error.
     compare(&Case { file: "rescue_vehicle/plant_limits", limits: const { &[within(1e-4)] }, ..PLANT });
 }
 
@@ -87,8 +87,8 @@ fn dual_sliding_mode_steering() {
 
 #[test]
 fn lqr_suspensions() {
-    // Without discrete state, each row is independent. The file has 12 digits, but the gains come from two different
-    // Riccati solvers.
+    // The controllers have no discrete state, so the rows are independent of each other. The file has 12 digits, but
+    // the gains come from two different Riccati solvers.
     let case = Case { file: "rescue_vehicle/lqr", inputs: FEEDBACK, limits: const { &[within(1e-6)] }, ..NOTHING };
     const INTEGRATED: &[Call] = &[Run("IntegratedLqrSuspension")];
     compare(&Case { program: INTEGRATED, ignored: &["roll_force.*"], ..case });
@@ -141,7 +141,7 @@ fn gain_matrices_of_the_lqr_suspensions() {
     const WHEELS: [&str; 6] = ["fl", "fr", "ml", "mr", "rl", "rr"];
     let single = |state: &str| vec![format!("gain.{state}")];
     let wheels = |state: &str| WHEELS.iter().map(|wheel| format!("gain.{state}.{wheel}")).collect();
-    // The order of the states in the file.
+    // The states, in the order of the file.
     let states: Vec<String> = [
         single("heave"),
         single("pitch"),
@@ -186,7 +186,7 @@ fn the_plant_starts_at_rest() {
     for (state, value) in states.iter().zip(values) {
         assert_eq!(value, 0.0, "{}", state.name);
     }
-    // 36 t on six wheels give 36000 * 9.81 / 6 N, up to rounding in the last digits.
+    // 36 t on six wheels are a load of 36000 * 9.81 / 6 N on each wheel, except for rounding in the last digits.
     let load = real(&fmu, &mut instance, "tire_load.mr");
     assert!((load - 58_860.0).abs() < 1e-9 * 58_860.0, "tire_load.mr = {load}");
 }

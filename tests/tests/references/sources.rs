@@ -14,7 +14,7 @@ const ROAD: Case = Case {
     ..NOTHING
 };
 
-/// Distances between the axles, for all roads except the one with start values.
+/// Distances between the axles, for all roads except the road with the start values of the parameters.
 const AXLES: [(&str, &str, f64); 2] =
     [("Road", "geometry.axle_offset.middle", 2.95), ("Road", "geometry.axle_offset.rear", 4.6)];
 
@@ -300,7 +300,7 @@ fn sensor(file: &'static str, parameters: &'static [(&'static str, &'static str,
 const ACTUATOR: Case = Case {
     inputs: &["actuator.command"],
     program: &[Read("Actuator"), Set("Actuator"), Step("Actuator")],
-    // At the kinks of the rate limit, the Runge-Kutta steps of 5 us give an error of 1.6e-10.
+    // At the kinks of the rate limit, the Runge-Kutta steps of 5 us in the reference cause an error of 1.6e-10.
     limits: &[within(1e-9)],
     ..NOTHING
 };

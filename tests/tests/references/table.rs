@@ -33,7 +33,7 @@ impl Table {
     /// Values of a column.
     ///
     /// # Panics
-    /// If there is none of that name.
+    /// If there is no column with this name.
     pub(crate) fn column(&self, name: &str) -> Vec<f64> {
         let column = self.names.iter().position(|column| column == name);
         let column = column.unwrap_or_else(|| panic!("the file has no column {name}"));
