@@ -12,13 +12,13 @@ import type { State } from "./state";
 /** Key of the cursor that plots over time share. */
 const TIME = "Time (s)";
 const HEIGHT = 340;
-/** Free space beside the curves, as a share of their extent. */
+/** Free space around the curves, as a share of their extent. */
 const ROOM = 0.05;
 const MARK = 3.5;
-/** Scatter plots with more points have translucent ones, which show their density. */
+/** In scatter plots with more points than this, the points are translucent, which shows their density. */
 const OPAQUE = 40;
 const LEAST_OPAQUE = 0.25;
-/** Range of the height of a map, px; its content determines the height. */
+/** Range of the height of a map, px. Within this range, the content of the map determines the height. */
 const MAP: Range = [120, 420];
 /** Width of the numbers and titles beside a map, px. */
 const BESIDE = 74;
@@ -30,7 +30,7 @@ interface Drawn {
   ys: number[];
   /** Indices of points after a gap, which are not joined to the previous point. */
   begins: Set<number>;
-  /** Times of the points, s; empty if they have none. */
+  /** Times of the points, s; empty if the points have no times. */
   times: number[];
   digits: [number, number];
 }
@@ -45,7 +45,7 @@ export class Curve extends Plane {
   readonly #recorded = new Map<Line, { x: Values; y: Values; times: number[] } | null>();
   /** The index of the point at the cursor, for each line. */
   #at = new Map<Drawn, number>();
-  /** Whether the cursor was set in this plot, not by another one. */
+  /** Whether the cursor was set in this plot, not in another plot. */
   #isOwn = false;
   #marks = new Map<Drawn, HTMLElement>();
 
@@ -67,7 +67,7 @@ export class Curve extends Plane {
     return Math.round(Math.max(MAP[0], Math.min(MAP[1], wanted + 56)));
   }
 
-  /** The range of an axis: fixed, or from the values. */
+  /** The range of an axis: a fixed range, or the range of the values. */
   #room(axis: Axis, values: number[]): Range {
     return axis.range === null ? withRoom(...extent(values), axis.log, ROOM) : [axis.range[0], axis.range[1]];
   }

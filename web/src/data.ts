@@ -5,7 +5,7 @@ import type { Column, PageData } from "./page-data";
 /** The word for a missing number. */
 const MISSING = 65535;
 
-/** Returns the data in the page; null if there is none, or if its version is different. */
+/** Returns the data in the page; null if the page has no data, or data of a different version. */
 export function read(): PageData | null {
   const element = document.getElementById("page-data");
   if (element === null) return null;
@@ -21,13 +21,13 @@ export async function inflated(base64: string, format: CompressionFormat): Promi
   return new Response(new Blob([compressed]).stream().pipeThrough(new DecompressionStream(format))).arrayBuffer();
 }
 
-/** Returns the words of the block; each column consists of differences. */
+/** Returns the words of the block, in which each column is stored as differences. */
 export async function unpack(block: string): Promise<Uint16Array> {
   const bytes = new DataView(await inflated(block, "deflate"));
   return Uint16Array.from({ length: bytes.byteLength / 2 }, (_, i) => bytes.getUint16(2 * i, true));
 }
 
-/** Returns the numbers of a column; null for missing ones. */
+/** Returns the numbers of a column; null for a missing number. */
 export function numbers(words: Uint16Array, column: Column): (number | null)[] {
   let word = 0;
   return Array.from(words.subarray(column.at, column.at + column.count), (difference) => {

@@ -1,4 +1,4 @@
-/** Heat maps: a value over two others, shown as colored cells. */
+/** Heat maps: a value as a function of two other values, shown as colored cells. */
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
@@ -11,7 +11,7 @@ import type { State } from "./state";
 const HEIGHT = 340;
 /** Minimum width and height of a cell with a number in it, px. */
 const ROOM: readonly [number, number] = [46, 20];
-/** Up to this many cells in a row have individual ticks. */
+/** If a row has at most this many cells, each of them has a tick. */
 const MOST_TICKS = 12;
 /** Viridis, a color map that is readable with color blindness, from low to high; the static picture uses it, too. */
 const COLORS: readonly (readonly [number, number, number])[] = [

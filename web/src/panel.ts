@@ -17,7 +17,7 @@ const ACROSS = 66;
 export type Values = (number | null)[];
 export type Range = [number, number];
 
-/** Makes a legend symbol of a line; without dashes (null), only its mark. */
+/** Makes the legend symbol of a line. If `dashes` is null, the symbol is only the mark. */
 export function lineKey(stroke: string, dashes: readonly number[] | null, mark = "", fill = stroke): Element {
   const key = element("span");
   key.innerHTML = `<svg class="plot-key" viewBox="0 0 24 10" aria-hidden="true">${dashes === null ? "" : `<path d="M0 5h24" stroke-dasharray="${dashes.join(" ")}"/>`}${mark}</svg>`;
@@ -64,7 +64,7 @@ export abstract class Frame {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
   }
 
-  /** Redraws the panel, after a change of a switch or of the theme. */
+  /** Redraws the panel, after a switch or the theme has changed. */
   protected abstract draw(): void;
 
   /** Moves the cursor by a keyboard step, backward or forward, or to one of the ends. */
@@ -75,7 +75,7 @@ export abstract class Frame {
     return false;
   }
 
-  /** Shows a range of the abscissa; null for all of it. */
+  /** Shows a range of the abscissa; null for the full range. */
   abstract zoom(range: Range | null): void;
 
   /** Default height of this kind of plot, px. */
@@ -127,7 +127,7 @@ export abstract class Frame {
     this.element.dataset["range"] = `${min} ${max}`;
   }
 
-  /** The range that the user has chosen; null for all of it. */
+  /** The range that the user has chosen; null for the full range. */
   protected get chosen(): Range | null {
     return this.element.dataset["zoomed"] === "true" ? this.range : null;
   }
@@ -242,7 +242,7 @@ export function coordinates(words: Uint16Array, line: Line): { x: Values; y: Val
   return { x: numbers(words, line.x), y: numbers(words, line.y) };
 }
 
-/** Scales a range by a factor about a point; null for its middle. */
+/** Scales a range by a factor about a point; null stands for the middle of the range. */
 export function scaled([min, max]: Range, factor: number, at: number | null): Range {
   if (at === null && min > 0) {
     const middle = Math.sqrt(min * max);

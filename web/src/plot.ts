@@ -12,7 +12,7 @@ import { ticks } from "./ticks";
 
 const HEIGHT = 240;
 const AXIS_WIDTH = 62;
-/** A line is drawn thin, as noise, if its total variation exceeds this many times its range. */
+/** A line whose total variation exceeds this many times its range is drawn thin, because it is noise. */
 const NOISY = 20;
 /** Step of the cursor with the keyboard, px. */
 const STEP = 4;
@@ -24,7 +24,7 @@ interface Drawn {
   spread: Values | null;
   digits: number;
   noisy: boolean;
-  /** Whether all recorded samples are loaded, or not available. */
+  /** True if all recorded samples have been loaded, or if they are not available. */
   isFull: boolean;
   series: number;
 }
@@ -75,7 +75,7 @@ export class Plot extends Frame {
     if (plot === null) return;
     const [min, max] = this.range;
     const left = time === null || time < min || time > max ? -10 : plot.valToPos(time, "x");
-    // Not published, because the other plots get the time themselves.
+    // This change is not published, because the other plots get the time themselves.
     const set = plot.setCursor as (at: { left: number; top: number }, fire: boolean, publish: boolean) => void;
     set({ left, top: left < 0 ? -10 : plot.bbox.height / devicePixelRatio / 2 }, true, false);
   }
@@ -88,7 +88,7 @@ export class Plot extends Frame {
     return this.panel.x.units[0];
   }
 
-  /** The display unit of a line, from its axis. */
+  /** The display unit of a line, which is that of its axis. */
   #yUnit(line: Line | null = null) {
     return this.unitOf((line?.right === true ? this.panel.right : undefined) ?? this.panel.y);
   }
@@ -221,7 +221,7 @@ export class Plot extends Frame {
     const fixed = this.panel.y.range;
     if (fixed !== null) {
       const [low, high] = fixed.map((end) => convert(revert(end, this.panel.y.units[0]), this.#yUnit())) as Range;
-      // Room for points at a share of 0 or 1.
+      // Shares get some room, because points can be at 0 or at 1.
       const room = low === 0 && high === 1 ? 0.03 : 0;
       return [low - room, high + room];
     }
@@ -260,7 +260,7 @@ export class Plot extends Frame {
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      // Keeps the title readable on top of lines, and beside the title of a close level.
+      // Keeps the title readable on top of lines, and next to the title of a nearby level.
       const width = ctx.measureText(level.title).width;
       const left = Math.max(bbox.left, ...taken.filter(([, other]) => Math.abs(other - y) < 1.5 * size).map(([end]) => end)) + size / 2;
       taken.push([left + width, y]);

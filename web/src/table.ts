@@ -20,7 +20,7 @@ export function numberIn(text: string): number {
   return Number(`${found[1]}e${found[2] ?? raised.join("")}`.replaceAll("−", "-"));
 }
 
-/** Compares two texts: numbers by size, then other texts alphabetically, then empty ones. */
+/** Compares two texts. Numbers come first, by size, then other texts alphabetically, then empty texts. */
 function compare(one: string, other: string, direction: 1 | -1): number {
   const rank = (text: string) => (/^[–-]?$/.test(text) ? 2 : Number.isNaN(numberIn(text)) ? 1 : 0);
   const [first, second] = [rank(one), rank(other)];
@@ -68,7 +68,7 @@ async function copy(text: string, control: HTMLButtonElement): Promise<void> {
   setTimeout(() => (control.textContent = title), 1500);
 }
 
-/** Sorts the rows of each group by a column, or restores the original order (null). Its title stays in the first row, a summary at the end. */
+/** Sorts the rows of each group by a column; null restores the original order. A group's title stays in its first row, a summary in its last. */
 function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1): void {
   const grouped = isGrouped(table);
   for (const body of table.tBodies) {
@@ -80,7 +80,7 @@ function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1)
     title?.remove();
     const at = column === null ? 0 : grouped ? column - 1 : column;
     const key = (row: HTMLTableRowElement) => {
-      // A cell with the paper's change and ours is sorted by ours.
+      // A cell that contains a change from the paper and from our results is sorted by our results.
       const ours = row.cells[at]?.querySelector<HTMLElement>(".ours .text")?.innerText;
       return ours ?? (row.cells[at] === undefined ? "" : textOf(row.cells[at]!));
     };
@@ -89,7 +89,7 @@ function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1)
     rows.forEach(given);
     rows.sort((a, b) => (column === null ? given(a) - given(b) : compare(keys.get(a)!, keys.get(b)!, direction)));
     if (title !== null) rows[0]?.prepend(title);
-    // Omitted if it repeats the row above.
+    // The text of a cell is omitted if it repeats the row above; sorting makes it visible again.
     for (const cell of body.querySelectorAll<HTMLElement>("td[data-text], th[scope=row][data-text]")) cell.textContent = cell.dataset["text"]!;
     if (grouped) rows.forEach((row, i) => row.classList.toggle("first", i === 0));
     body.append(...first, ...rows, ...last);
@@ -128,7 +128,7 @@ function makeSortable(table: HTMLTableElement): HTMLElement {
   return place;
 }
 
-/** Adds the column titles to the cells; a narrow screen shows them beside the cells instead of above. */
+/** Adds the column titles to the cells; a narrow screen shows them beside the cells instead of above the columns. */
 export function label(table: HTMLTableElement): void {
   const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(textOf);
   for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
@@ -150,7 +150,7 @@ interface Place {
   text: string;
 }
 
-/** Returns the numbers of a group of rows, by matrix. One matrix has the points of the sweep as rows and the cases as columns; in a sweep
+/** Returns the numbers of a group of rows, by matrix. A matrix has the points of the sweep as rows and the cases as columns; in a sweep
  * over two parameters, each case has a matrix with the values of both parameters. */
 function places(body: HTMLTableSectionElement): Map<string, Place[]> {
   const metric = body.rows[0]?.cells[0] === undefined ? "" : textOf(body.rows[0].cells[0]);

@@ -69,8 +69,7 @@ test("a place of the track is found by the mouse", async () => {
   const plot = page.locator("#iso3888_2 .plot").first();
   assert.match(await plot.locator(".plot-title").innerText(), /^Highest speed passed\s+[\d.]+ km\/h, Without controllers$/);
   await hover(plot);
-  // Cones, path, the vehicle, its footprints and the smallest margin: the readout has the coordinates of the nearest
-  // one.
+  // The legend lists cones, path, the vehicle, its footprints and the smallest margin. The readout shows the coordinates of the nearest of them.
   assert.equal(await plot.locator(".plot-readout > span").count(), 5);
   assert.equal(await plot.locator(".plot-readout b").count(), 2);
 });

@@ -121,8 +121,7 @@ async function screenshot(page: Page, name: string): Promise<void> {
   }, `data:image/png;base64,${picture.toString("base64")}`);
   await reader.close();
   assert.ok(colors.length > 0);
-  // Antialiased text alone has more shades than this. A blank strip has one color, or a few with the borders of a
-  // section.
+  // Antialiased text alone has more shades than this. A blank strip has one color, or a few if it contains the borders of a section.
   colors.forEach((count, i) => assert.ok(count > 8, `${name}: ${count} colors from ${450 * i} px on`));
 }
 

@@ -28,7 +28,7 @@ describe("figures", () => {
     assert.ok(row !== undefined && column > 0, `no row at ${time} s`);
     const degrees = rows.map((values) => (values[column]! * 180) / Math.PI);
     const span = Math.max(...degrees) - Math.min(...degrees);
-    // Rounded to 16 bits, then to the remaining digits, at least four in the middle of this run.
+    // The value is rounded to 16 bits, and then to the remaining digits, which are at least four in the middle of this run.
     const expected = (row[column]! * 180) / Math.PI;
     assert.ok(Math.abs(shown - expected) <= span / 65534 + 5e-4 * Math.abs(expected), `${shown} ${expected}`);
   });

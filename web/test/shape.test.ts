@@ -15,7 +15,7 @@ const vehicle = (outputs: string[]): Vehicle => ({
   maneuvers: [],
 });
 
-// From the moments about the center of gravity, the nearer axle carries more.
+// Because the moments about the center of gravity are in balance, the nearer axle carries more.
 test("the levers of the axles divide the load of a side of a half car", () => {
   const shares = shapeOf(vehicle(["vehicle.yaw", "wheel_height.l"])).wheels.map(({ place, share }) => [place, share]);
   const expected = [["fl", 0.6], ["fr", 0.6], ["rl", 0.4], ["rr", 0.4]] as const;

@@ -1,4 +1,4 @@
-/** Choice of controllers: adding one adds the controllers that it depends on, and removes those that write the same signals. */
+/** Choice of controllers: adding a controller adds the controllers that it depends on, and removes those that write the same signals. */
 
 import type { Controller, Vehicle } from "./protocol";
 
@@ -30,8 +30,8 @@ export class Choice {
   }
 
   /**
-   * The controllers that a controller needs and that are not chosen. Two that exclude each other are alternatives, because they write the same
-   * signal; one is enough, and the vehicle's defaults have priority.
+   * The controllers that a controller needs and that are not chosen yet. Two controllers that exclude each other are alternatives, because they write
+   * the same signal: one of them is enough, and the vehicle's defaults have priority.
    */
   missing(name: string): string[] {
     const needs = (this.#of(name)?.needs ?? []).filter((need) => !this.#excludes(name, need));

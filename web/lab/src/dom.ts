@@ -12,7 +12,7 @@ export function byId<T extends HTMLElement = HTMLElement>(id: string): T {
 interface Choice {
   value: string;
   title: string;
-  /** Title of its group; empty for none. */
+  /** Title of the option's group; empty if it is in no group. */
   group?: string;
 }
 
@@ -37,7 +37,7 @@ export function field(title: string, control: HTMLElement): HTMLElement {
   return element("div", { className: "field" }, element("label", { textContent: title, htmlFor: control.id }), control);
 }
 
-/** Whether a key press is for a control instead of the vehicle. */
+/** Whether a key press is meant for a control of the page, not for the vehicle. */
 export function isControl(target: EventTarget | null): boolean {
   return target instanceof HTMLElement && target.closest("input, select, textarea, button, a, summary, [role=tab]") !== null;
 }

@@ -43,7 +43,7 @@ export class Engine {
   readonly #timer: number;
   readonly #url: string;
 
-  /** `onSilence` is called once, after the worker was ended because it did not respond. */
+  /** `onSilence` is called once, after the worker has been terminated because it did not respond. */
   constructor(
     source: string,
     readonly onEvent: (event: Event) => void,

@@ -6,7 +6,7 @@ import { element } from "../../src/dom";
 import type { FmuFile } from "./protocol";
 
 export interface Documentation {
-  /** Empty if it has none. */
+  /** The documentation; empty if the FMU has none. */
   html: string;
   /** PNG, base64. */
   picture: string;
@@ -31,7 +31,7 @@ export async function unpackJson<T>(base64: string): Promise<T> {
   return JSON.parse(new TextDecoder().decode(await unpack(base64))) as T;
 }
 
-/** Whether an FMU is part of the lab, not dropped by the visitor. */
+/** Whether an FMU is part of the lab, and was not dropped by the visitor. */
 export const isOurs = (name: string): boolean => names.includes(name);
 
 let known: Promise<Record<string, string>> | null = null;
@@ -40,7 +40,7 @@ const allDescriptions = () => (known ??= unpackJson<Record<string, string>>(desc
 /** One-sentence descriptions of the FMUs by name, available after the engine has started. */
 const summaries = new Map<string, string>();
 
-/** The one-sentence description of an FMU; empty if it has none. */
+/** The one-sentence description of an FMU; empty if the FMU has none. */
 export const summary = (name: string): string => summaries.get(name) ?? "";
 
 /** Stores the summary of a dropped FMU: its modelName, which can differ from the file name, and its description. */

@@ -18,7 +18,7 @@ import type { Setup } from "./protocol";
 import { Stage } from "./stage";
 import { Traces } from "./traces";
 
-/** Longest duration of a frame, s. Longer pauses of the browser are shortened to it. */
+/** Longest duration of a frame, s. A longer pause of the browser counts as a frame of this duration. */
 const LONGEST_FRAME = 0.1;
 
 const model = new Model();
@@ -43,7 +43,7 @@ async function run(setup: Setup, plays = true): Promise<boolean> {
   return isOpen;
 }
 
-/** Opens the setup in the link; without a valid one, the default setup of the first vehicle. */
+/** Opens the setup in the link, or, if the link contains no valid setup, the default setup of the first vehicle. */
 async function openLink(plays: boolean): Promise<void> {
   const { catalog } = model;
   const first = catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle") ?? catalog?.vehicles[0];

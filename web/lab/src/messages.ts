@@ -4,7 +4,7 @@ import { element } from "../../src/dom";
 import { byId } from "./dom";
 import type { Message, Model } from "./model";
 
-/** Time for which information is shown, ms. */
+/** Time for which a message that is not an error is shown, ms. */
 const STAY = 8000;
 /** Maximum number of messages; a new one replaces the oldest. */
 const MOST = 3;

@@ -7,10 +7,10 @@ import type { Catalog, Driving, Event, FreeSystem, Metric, Opened, Setup, Variab
 import { Recording, wheelPlaces } from "./recording";
 import { shapeOf } from "./shape";
 
-/** A branch of the simulation. Going back in time and continuing begins a new one. */
+/** A branch of the simulation. Going back in time and continuing from there begins a new branch. */
 export interface Branch {
   id: number;
-  /** Time at which it left its parent branch, s; 0 for the first branch. */
+  /** Time at which the branch left its parent branch, s; 0 for the first branch. */
   from: number;
 }
 
@@ -132,7 +132,7 @@ export class Model {
     return system.kind === "free" ? [system.vehicle, ...system.controllers].filter((name) => !known.has(name)) : [];
   }
 
-  /** The setup of a link without the FMUs that the visitor must drop first; `null` if its vehicle is one of them. */
+  /** The setup of a link without the FMUs that the visitor must drop first; `null` if the vehicle is one of these FMUs. */
   withoutAbsent(setup: Setup): Setup | null {
     const absent = this.#absent(setup);
     const { system } = setup;
@@ -214,7 +214,7 @@ export class Model {
         this.#emit("branch");
         break;
       case "clock":
-        // An event from before a pause can arrive after it.
+        // An event that was sent before a pause can arrive after it.
         this.playing = event.playing && this.#wantsToPlay;
         this.#emit("clock");
         break;
@@ -307,7 +307,7 @@ export class Model {
     this.#engine.tell({ kind: "drive", driving });
   }
 
-  /** A short title of a system, with the number of controllers if there are several. */
+  /** A short title of a system, with the number of its controllers if it has several. */
   titleOf(index: number): string {
     const title = this.opened?.systems[index]?.title ?? "";
     const system = this.setup?.system;
@@ -334,7 +334,7 @@ export class Model {
     return words.join("_").replaceAll(/[^\w.-]+/g, "_");
   }
 
-  /** The setup with the current values as values from the start. */
+  /** The setup, with the current values as start values. */
   currentSetup(): Setup | null {
     if (this.setup === null) return null;
     return { system: this.setup.system, values: Object.fromEntries(this.changed) };
@@ -367,7 +367,7 @@ export class Model {
     return [...new Set([...names, ...chosen])].filter((name) => !isOurs(name));
   }
 
-  /** Starts a new worker after one that did not respond, without the visitor's FMU that is probably the cause. */
+  /** Replaces a worker that did not respond by a new worker, without the visitor's FMU that is probably the cause. */
   async #restart(during: Query["kind"] | "play"): Promise<void> {
     const foreign = this.#foreign();
     const culprit = foreign.length > 0 ? foreign.join(" or ") : (this.opened === null ? "The system" : this.titleOf(0));

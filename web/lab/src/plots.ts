@@ -11,9 +11,9 @@ import type { Column } from "./protocol";
 import type { Trace, Traces } from "./traces";
 
 const HEIGHT = 190;
-/** Maximum number of points in a line; with more rows, some are skipped. */
+/** Maximum number of points in a line; if there are more rows, some rows are skipped. */
 const POINTS = 1600;
-/** Longest time shown; of longer runs, the last part is shown, s. */
+/** Longest time span that is shown, s. If a run is longer, the plots show its last part. */
 const WINDOW = 40;
 /** Minimum time between two drawings, ms. */
 const PERIOD = 90;
@@ -64,7 +64,7 @@ class LivePlot {
     fill(this.#select, columns.map(({ name }) => ({ value: name, title: name, group: group(name) })), this.signal);
   }
 
-  /** Makes a new plot, for another signal, other lines or another theme. */
+  /** Makes a new plot. This is necessary if the signal, the lines or the theme change. */
   rebuild(): void {
     const column = this.#column;
     const width = this.#body.clientWidth;
@@ -117,7 +117,7 @@ class LivePlot {
   #room(low: number | null, high: number | null): [number, number] {
     const [bottom, top] = [low ?? 0, high ?? 0];
     const size = Math.max(Math.abs(bottom), Math.abs(top));
-    // A constant is in the middle of a range that is too wide to show rounding errors.
+    // A constant value gets a range around it that is wide enough to hide rounding errors.
     const room = top - bottom > 1e-6 * size && size > 1e-9 ? 0.08 * (top - bottom) : size > 1e-9 ? 0.05 * size : 1;
     return [bottom - room, top + room];
   }
@@ -143,7 +143,7 @@ class LivePlot {
     const step = opened.rowStep;
     const [first, last] = [Math.floor(this.#range[0] / step), Math.min(Math.ceil(this.#range[1] / step), Math.round(end / step))];
     const stride = Math.max(1, Math.ceil((last - first + 1) / POINTS));
-    // The same rows are used each time, so the line does not change its shape when it grows.
+    // Each drawing uses the same rows, so the line does not change its shape when it grows.
     const begin = first - (first % stride);
     const times: number[] = [];
     for (let index = begin; index <= last; index += stride) times.push(index * step);
@@ -259,7 +259,7 @@ export class Plots {
     this.retrace();
   }
 
-  /** Makes new plots after a change of the lines. */
+  /** Makes new plots after the lines have changed. */
   retrace(): void {
     const boxes = this.traces.all.map((trace) => {
       const box = check(trace.title, !this.traces.hidden.has(trace.key), (isOn) => {

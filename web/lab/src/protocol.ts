@@ -23,13 +23,13 @@ export interface Choice {
 export interface Vehicle {
   fmu: string;
   title: string;
-  /** Controllers whose signals fit, each with the controllers that it needs. */
+  /** Controllers whose signals fit the vehicle, each with the controllers that it needs. */
   controllers: Controller[];
   /** Controllers of the default system, from the vehicle's paper. */
   defaults: string[];
   /** Start values of all Real parameters, such as dimensions for the drawing. */
   parameters: Record<string, number>;
-  /** Names of the outputs, which show which wheels the vehicle has. */
+  /** Names of the outputs. They show which wheels the vehicle has. */
   outputs: string[];
   /** Ids of the maneuvers that the vehicle can drive. */
   maneuvers: string[];
@@ -40,7 +40,7 @@ export interface Controller {
   title: string;
   /** Other controllers whose outputs this one reads. */
   needs: string[];
-  /** Controllers that write the same signals; two of them cannot be in one system. */
+  /** Controllers that write the same signals as this one, and therefore cannot be in the same system. */
   excludes: string[];
 }
 
@@ -88,7 +88,7 @@ export interface FreeSystem {
   /** Names of FMUs, from the library or from dropped files. */
   controllers: string[];
   maneuver: string;
-  /** Values of the maneuver by id; missing ones have their defaults. */
+  /** Values of the maneuver by id; a value that is missing has its default. */
   maneuverValues: Record<string, number>;
   road: string;
   seed: number;
@@ -98,7 +98,7 @@ export interface ScenarioSystem {
   kind: "scenario";
   scenario: string;
   case: string;
-  /** The case shown beside it; `null` for none. */
+  /** The case shown for comparison; `null` for none. */
   twin: string | null;
   seed: number;
 }
@@ -141,7 +141,7 @@ export interface Metric {
   title: string;
   unit: string;
   definition: string;
-  /** One value per system; `null`, with a reason, if it is undefined. */
+  /** One value per system; `null`, with a reason, if the metric is undefined. */
   values: (number | boolean | null)[];
   reason: string;
   verdict: "pass" | "fail" | "info" | null;
@@ -178,7 +178,7 @@ export type Request =
 export interface FmuFile {
   name: string;
   description: string;
-  /** Absent until the system needs it. */
+  /** `null` until the system needs the module. */
   module: Uint8Array | null;
 }
 

@@ -4,7 +4,7 @@ import type { SystemInfo, Vehicle } from "./protocol";
 
 /** A wheel whose rotation angle is integrated from its speed, because no signal contains it. */
 interface Spin {
-  /** Column of its speed, and the factor to rad/s; column -1: it does not turn. */
+  /** Column of the wheel speed, and the factor from its unit to rad/s. The column is -1 if the wheel does not turn. */
   column: number;
   factor: number;
 }
@@ -75,7 +75,7 @@ export class Recording {
     this.#width = info.columns.length + wheels.length;
   }
 
-  /** The column of the first of these signals that exists; -1 if none does. */
+  /** The column of the first of these signals that exists; -1 if none of them exists. */
   column(...names: string[]): number {
     for (const name of names) {
       const found = this.#columns.get(name);
@@ -113,7 +113,7 @@ export class Recording {
     }
   }
 
-  /** Time of the last row of a branch, s; 0 if it has none. */
+  /** Time of the last row of a branch, s; 0 if the branch has no row. */
   end(branch: number): number {
     const track = this.#tracks.get(branch);
     if (track === undefined) return 0;
@@ -132,7 +132,7 @@ export class Recording {
   }
 
   #valueOf(track: Track, index: number, column: number): number {
-    // A branch without rows uses those of its parent.
+    // A branch without rows uses the rows of its parent.
     return track.count === 0 && track.parent !== null ? track.parent.value(index, column) : track.value(index, column);
   }
 

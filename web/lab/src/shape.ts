@@ -13,12 +13,12 @@ export interface Wheel {
   y: number;
   /** Number of tires side by side. */
   count: number;
-  /** Share of the load signal. In a half car, the signal is the load of a side, which the axles share according to their distances. */
+  /** Share of the wheel in the load signal. In a half car, the signal is the load of a side, which the axles share according to their distances. */
   share: number;
 }
 
 export interface Shape {
-  /** A half car has one wheel mass and one strut on each side; it models a cross section. */
+  /** A half car models a cross section: it has one wheel mass and one strut on each side. */
   kind: "rescue" | "truck" | "car" | "half car";
   wheels: Wheel[];
   radius: number;

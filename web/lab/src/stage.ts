@@ -9,7 +9,7 @@ import { CAMERAS, type Camera, View } from "./scene/view";
 import { shapeOf } from "./shape";
 import type { Traces } from "./traces";
 
-/** Numbers over the view: signal, title. */
+/** Numbers in front of the view, each with its possible signals and its title. */
 const NUMBERS: [signals: string[], title: string][] = [
   [["vehicle.speed", "driver.speed"], "speed"],
   [["vehicle.lateral_acceleration"], "lateral"],
@@ -154,7 +154,7 @@ export class Stage {
     const { model } = this;
     if (model.opened === null) return;
     this.#seconds += seconds;
-    // At full speed, the simulation needs the processor, so frames are drawn rarely.
+    // At the highest rate, the simulation needs the processor, so frames are drawn rarely.
     const isFast = model.playing && model.rate === Infinity;
     if (isFast && this.#seconds < FAST_PERIOD) return;
     const other = this.traces.besideTrace?.branch ?? model.branch;

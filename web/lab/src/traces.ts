@@ -3,7 +3,7 @@
 import type { Model } from "./model";
 
 export interface Trace {
-  /** Stable identifier, for switches. */
+  /** Identifier that does not change, so the switches of the legend can refer to it. */
   key: string;
   title: string;
   system: number;

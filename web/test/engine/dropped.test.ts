@@ -1,4 +1,4 @@
-// FMUs from visitors are wired into the system, rejected with their name, and do not end the engine when they fail.
+// FMUs from visitors are connected to the system, or rejected with a message that contains their name. If they fail, the engine goes on.
 import assert from "node:assert/strict";
 import { before, test } from "node:test";
 import { readFileSync } from "node:fs";

@@ -105,7 +105,7 @@ function crc32(bytes: Uint8Array): number {
   return ~sum >>> 0;
 }
 
-/** An archive of files. */
+/** A ZIP archive that contains the files. */
 export function archive(files: Record<string, string | Uint8Array>): Uint8Array {
   const parts: Buffer[] = [];
   const directory: Buffer[] = [];
@@ -136,7 +136,7 @@ export function archive(files: Record<string, string | Uint8Array>): Uint8Array 
   return Buffer.concat([...parts, ...directory, Buffer.from("PK\x05\x06", "latin1"), end]);
 }
 
-/** An FMU of that name with a module. */
+/** An FMU with this name and a module. */
 export function fmu(name: string, bytes: Uint8Array): Uint8Array {
   return archive({ "modelDescription.xml": description(name), [`binaries/wasm32-unknown-unknown/${name}.wasm`]: bytes });
 }

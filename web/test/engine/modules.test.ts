@@ -8,7 +8,7 @@ import { BUILT, fmus, ROOT } from "./lab";
 
 /** Exports that a linker adds. */
 const OF_LINKER = ["memory", "__indirect_function_table", "__data_end", "__heap_base"];
-/** Maximum size of a module, bytes. The largest in the library has 418 kB. */
+/** Maximum size of a module, bytes. The largest module in the library has 418 kB. */
 const LIMIT = 450_000;
 
 /** Functions of FMI 2.0 that the importer looks up (crates/fmu-import/src/loader/functions/v2.rs). */

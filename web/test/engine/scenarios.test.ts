@@ -1,4 +1,4 @@
-// Every scenario of the library, with one seed: the engine writes the same bytes as `chassis run`.
+// For every scenario of the library, with one seed, the engine writes the same bytes as `chassis run`.
 //
 // CHASSIS is the command, FMUS the folder with native FMUs from the same sources.
 import assert from "node:assert/strict";

@@ -201,7 +201,7 @@ test("ten minutes fit into 200 MB", async () => {
   await until(60);
   const [early, at] = [client.engine.core?.size ?? 0, client.time];
   await until(120);
-  // The memory that grows with time: rows, and a saved state per second.
+  // The memory that grows with time contains the rows, and a saved state per second.
   const later = client.engine.core?.size ?? 0;
   const all = early + ((later - early) * (600 - at)) / (client.time - at);
   console.log(`${(later / 1e6).toFixed(1)} MB after ${client.time.toFixed(0)} s, ${(all / 1e6).toFixed(0)} MB after ten minutes`);

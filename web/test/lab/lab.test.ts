@@ -21,7 +21,7 @@ async function readout(page: Page, plot: number): Promise<number[]> {
   return texts.map((text) => Number(text.replace("−", "-")));
 }
 
-/** The numbers beside a plot when `holds` accepts them, because a busy machine draws later; the last numbers if it never does. */
+/** Waits until `holds` accepts the numbers beside a plot, because a busy machine draws late. Returns these numbers, or the last ones. */
 async function readoutOnce(page: Page, plot: number, holds: (numbers: number[]) => boolean): Promise<number[]> {
   for (const end = Date.now() + PATIENCE; Date.now() < end && !holds(await readout(page, plot)); ) await frames(page, 2);
   return readout(page, plot);
@@ -95,7 +95,7 @@ describe("systems", () => {
       await runTo(page, 1);
       await page.getByRole("button", { name: "Pause" }).click();
       await picture(page, vehicle);
-      // Some are in a list that is initially closed.
+      // Some controllers are in a list that is initially closed.
       const more = page.locator("#setup fieldset summary");
       if (await more.isVisible()) await more.click();
       const boxes = page.locator("#setup .controllers input");

@@ -3,7 +3,7 @@
 // WebAssembly calls a function in a table only if it has the type that the caller expects. A JavaScript function has no type until a
 // module imports and exports it. Such modules are assembled here, byte by byte.
 
-/** Parameters and results, with a letter for each: `i` for 32-bit integers and addresses, `d` for doubles. */
+/** Parameters and results, one letter each: `i` for a 32-bit integer or an address, `d` for a double. */
 export interface Signature {
   parameters: string;
   results: string;

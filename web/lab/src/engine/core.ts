@@ -5,7 +5,7 @@ import { Fmu } from "./fmu";
 import { Memory } from "./memory";
 import { unknownImports } from "./wasi";
 
-/** An error in a request, and the remedy. */
+/** An error in a request: what is wrong, and what to do. */
 export class Failure extends Error {
   constructor(
     message: string,
@@ -78,11 +78,11 @@ export class Core {
   readonly #memory: Memory;
   readonly #modules = new Map<string, Module>();
   readonly #libraries = new Map<number, Library>();
-  /** Indices in the table that are free again. */
+  /** Indices in the function table that can be used again. */
   readonly #places: number[] = [];
   readonly #trampolines = trampolines(FUNCTIONS);
   #next = 1;
-  /** Why the last module could not be instantiated. */
+  /** The reason why the last module could not be instantiated. */
   #refusal = "";
 
   constructor(bytes: Uint8Array) {
@@ -210,7 +210,7 @@ export class Core {
     return this.request<Opened | { missing: string[] }>({ kind: "open", setup, modules: [...this.#modules.keys()] })[0];
   }
 
-  /** Makes steps; returns their number (smaller at the end of a system), or -1 if the system has failed. */
+  /** Makes steps; returns the number of steps made (fewer than `steps` at the end of a system), or -1 if the system has failed. */
   advance(system: number, steps: number): number {
     return this.#exports.lab_advance(system, steps);
   }
@@ -227,7 +227,7 @@ export class Core {
     return { count, data };
   }
 
-  /** Why a system cannot continue; `null` if it can. */
+  /** The reason why a system cannot continue; `null` if it can. */
   failure(system: number): { time: number; component: string; message: string } | null {
     const length = this.#exports.lab_failure(system);
     return JSON.parse(this.#memory.slice(this.#exports.lab_response(), length)) as { time: number; component: string; message: string } | null;

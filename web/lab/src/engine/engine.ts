@@ -2,10 +2,10 @@
 import type { Catalog, Event, Metric, Opened, Request, Response, VariableInfo } from "../protocol";
 import { Core, Failure } from "./core";
 
-/** Wall-clock time of a turn, ms. Messages are read between turns. */
+/** Wall-clock time, ms, for which the systems advance before the worker reads messages again (a turn). */
 const TURN = 12;
 const FAST_TURN = 50;
-/** Simulated time by which one system advances before the next one does, s. */
+/** Simulated time by which a system advances before it is the other system's turn, s. */
 const SLICE = 0.02;
 /** Longest time between two `clock` events, ms. */
 const CLOCK = 100;
@@ -20,9 +20,9 @@ export class Engine {
   #failed: boolean[] = [];
   #over: boolean[] = [];
   #branch = 0;
-  /** Time that the simulation went back to, until it continues; otherwise `null`. */
+  /** The time to which the simulation went back, until it continues from there; otherwise `null`. */
   #from: number | null = null;
-  /** Wall-clock time that the simulated time corresponds to, ms. */
+  /** Wall-clock time that corresponds to the simulated time, ms. */
   #reached = 0;
   #told = 0;
   #scheduled = false;
@@ -142,7 +142,7 @@ export class Engine {
       steps -= now;
       done += now;
     }
-    // Steps that do not fit into a turn are not made up for; the simulation is then slower than real time.
+    // Steps that do not fit into a turn are not made up for later; the simulation is then slower than real time.
     this.#reached = steps > 0 || done === 0 ? (done === 0 ? this.#reached : performance.now()) : this.#reached + ((done * step) / this.#rate) * 1000;
     this.#sendRows();
     if (!this.#isActive) {

@@ -24,7 +24,7 @@ export interface Core {
   forget(address: number, size: number): void;
 }
 
-/** Logger of an instance: its function in the core and its environment. */
+/** Logger of an instance: the index of the logger function in the core, and the logger's environment. */
 interface Logger {
   log: number;
   environment: number;
@@ -43,7 +43,7 @@ export class Fmu {
   readonly #returned = new Map<number, number[]>();
   readonly #sizes = new Map<number, number>();
   readonly #loggers = new Map<number, Logger>();
-  /** Loggers by environment, for messages before there is an instance. */
+  /** Loggers by environment, for messages that arrive before there is an instance. */
   readonly #environments = new Map<number, Logger>();
   #strings: [number, number][] = [];
   #version: Record<string, number> = {};
@@ -153,7 +153,7 @@ export class Fmu {
     }
   }
 
-  /** Wraps a function: exceptions become a status. */
+  /** Wraps a function of the FMU: an exception becomes the status fmi2Fatal. */
   #guarded(name: string, call: Export): Export {
     const failed = name === "fmi2Instantiate" ? 0 : FATAL;
     return (...parameters) => {
@@ -187,7 +187,7 @@ export class Fmu {
     this.#core.memory.now.bytes.set(source.subarray(from, from + size), to);
   }
 
-  /** Copies a C string from the core to memory that stays allocated; null for null. */
+  /** Copies a C string from the core to memory that stays allocated. A null pointer stays a null pointer. */
   #string(address: number): number {
     if (address === 0) return 0;
     const size = this.#core.memory.length(address) + 1;

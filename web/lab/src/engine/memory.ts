@@ -41,7 +41,7 @@ export class Memory {
     return (end < 0 ? this.bytes.length : end) - address;
   }
 
-  /** The text of a C string; empty for null. */
+  /** The text of a C string; empty for a null pointer. */
   text(address: number): string {
     return address === 0 ? "" : this.slice(address, this.length(address));
   }

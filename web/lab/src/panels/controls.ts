@@ -21,7 +21,7 @@ export function slider(adjustable: Adjustable, value: number, onInput: (value: n
   // many digits.
   const toPosition = (value: number) => (max > min ? Math.round((STEPS * (value - min)) / (max - min)) : 0);
   const toValue = () => min + ((max - min) * input.valueAsNumber) / STEPS;
-  // Without aria-label, the label would belong to the output, which comes first.
+  // Without aria-label, the label would belong to the output, which precedes the input.
   const input = element("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": title, onchange: () => onChange(toValue()) });
   const output = element("output");
   const show = (value: number) => {

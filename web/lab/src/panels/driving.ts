@@ -5,10 +5,10 @@ import { isControl, note } from "../dom";
 import type { Model } from "../model";
 import type { Driving } from "../protocol";
 
-/** Time from straight ahead to full lock, and back, s. */
+/** Time from straight ahead to full lock, and from full lock to straight ahead, s. */
 const STEER_TIME = 0.9;
 const RETURN_TIME = 0.5;
-/** Time from no pedal to full pedal, s. */
+/** Time from a released to a fully pressed pedal, s. */
 const PEDAL_TIME = 0.35;
 /** Smallest change that is sent to the worker. */
 const CHANGE = 1e-3;
@@ -43,7 +43,7 @@ export class DrivingPanel {
     const [steer, steerLabel] = range("Steering: right to left", -1);
     const [throttle, throttleLabel] = range("Accelerator", 0);
     const [brake, brakeLabel] = range("Brake", 0);
-    // The left of the slider steers to the left.
+    // Moving the slider to the left steers to the left, which is the positive direction.
     steer.classList.add("mirrored");
     this.#sliders = { steer, throttle, brake };
     for (const [name, input] of Object.entries(this.#sliders) as [keyof Driving, HTMLInputElement][]) {
@@ -93,7 +93,7 @@ export class DrivingPanel {
     this.#hasKeys = true;
   }
 
-  /** The position of a gamepad that is in use; `null` if there is none. */
+  /** The commands of a gamepad that is in use; `null` if there is none. */
   #gamepad(): Driving | null {
     for (const pad of navigator.getGamepads()) {
       if (pad === null || !pad.connected) continue;

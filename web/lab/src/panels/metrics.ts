@@ -63,7 +63,7 @@ export class MetricsPanel {
   #show(metrics: Metric[]): void {
     const titles = (this.model.opened?.systems ?? []).map((_, i) => this.model.titleOf(i));
     const { opened, end } = this.model;
-    // Before the end, metrics can still change, such as an overshoot, or a course that is not completed yet.
+    // Before the end, metrics can still change: an overshoot can grow, and a course can still be completed.
     const isProvisional = opened !== null && !this.model.hasEnded;
     const remark = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts appear at the end.` : "";
     const shown = JSON.stringify([titles, metrics, remark]);

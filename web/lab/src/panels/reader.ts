@@ -7,10 +7,10 @@ import { isOurs, part, summary } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
 
-/** Elements that are kept in a documentation, whose HTML comes from a file. */
+/** Elements that are allowed in the documentation of an FMU. All others are removed, because the HTML comes from a file. */
 const ALLOWED = new Set("A B BLOCKQUOTE BR CODE DD DIV DL DT EM H1 H2 H3 H4 H5 H6 HR I IMG LI OL P PRE SPAN STRONG SUB SUP TABLE TBODY TD TH THEAD TR UL".split(" "));
 
-/** Returns a documentation without scripts, styles and links to missing files. */
+/** Returns the documentation of an FMU without scripts, styles and links to missing files. */
 function cleaned(html: string, picture: string): HTMLElement {
   const { body } = new DOMParser().parseFromString(html, "text/html");
   for (const one of [...body.querySelectorAll("*")]) {

@@ -106,7 +106,7 @@ export class SetupPanel {
     );
     for (const value of maneuver?.values ?? []) {
       const { root, input } = slider(value, system.maneuverValues[value.id] ?? value.value, () => {}, (now) => {
-        // Several key presses in quick succession are one change.
+        // Several key presses in quick succession count as one change.
         clearTimeout(this.#timer);
         this.#timer = window.setTimeout(() => change({ maneuverValues: { ...system.maneuverValues, [value.id]: now } }), 350);
       });

@@ -48,7 +48,7 @@ export class Arrows {
       const turned = (x: number, across: number) => new Vector3(x * Math.cos(wheel.steer) - across * Math.sin(wheel.steer), x * Math.sin(wheel.steer) + across * Math.cos(wheel.steer), 0);
       this.#place(3 * i, foot, new Vector3(0, 0, scale * (wheel.load ?? 0)));
       const lateral = turned(0, scale * (wheel.lateral ?? 0));
-      // The arrow of a force towards the vehicle ends at the wheel, to stay visible.
+      // The arrow of a force toward the vehicle ends at the wheel instead of starting there, to stay visible.
       this.#place(3 * i + 1, lateral.y * place.side < 0 ? foot.clone().sub(lateral) : foot, lateral);
       this.#place(3 * i + 2, foot, turned(scale * (wheel.longitudinal ?? 0), 0));
     });

@@ -4,11 +4,11 @@ import type { Recording } from "../recording";
 import type { Shape } from "../shape";
 
 export interface WheelPose {
-  /** Above static equilibrium, m. */
+  /** Height above static equilibrium, m. */
   height: number;
   steer: number;
   spin: number;
-  /** Forces on the vehicle in the wheel's frame, N; `null` without a signal. */
+  /** Forces on the vehicle in the wheel's frame, N; `null` if there is no signal. */
   load: number | null;
   lateral: number | null;
   longitudinal: number | null;

@@ -107,7 +107,7 @@ export class VehicleModel {
     return material;
   }
 
-  /** Adds a transparent part. Depth is drawn first, which hides surfaces behind the front one. */
+  /** Adds a transparent part. Its depth is drawn first, which hides the surfaces behind its foremost surface. */
   #putTransparent(parent: Group, geometry: BufferGeometry, color: string, isBody: boolean): void {
     const material = <T extends Material>(key: string, make: () => T): T => {
       let found = this.#materials.get(key) as T | undefined;
@@ -162,7 +162,7 @@ export class VehicleModel {
         tire.emissive = LIFTED;
         tire.emissiveIntensity = isLifted ? 0.7 : 0;
       }
-      // The strut goes from the wheel to the body above it, for small angles.
+      // The strut connects the wheel to the body above it; the position on the body is exact for small angles only.
       const y = place.y - place.side * (0.5 * shape.width * place.count + 0.18);
       const attached = factor * (pose.heave - place.x * pose.pitch + place.y * pose.roll);
       const top = (shape.kind === "half car" ? 1.9 : shape.kind === "car" ? 2.3 : 2.2) * shape.radius + attached;

@@ -33,7 +33,7 @@ const QUALITY = [
   { pixels: 1, shadows: true },
   { pixels: 0.75, shadows: false },
 ] as const;
-/** The quality is lowered if the mean duration of FRAMES frames exceeds this, s. */
+/** If the mean duration of FRAMES frames exceeds this, s, the quality is lowered. */
 const SLOW_FRAME = 0.055;
 const FRAMES = 20;
 
@@ -123,7 +123,7 @@ export class View {
     this.#renderer.setPixelRatio(Math.min(devicePixelRatio, QUALITY[this.#quality]!.pixels));
     this.#renderer.setSize(clientWidth, clientHeight, false);
     this.#camera.aspect = clientWidth / clientHeight;
-    // A narrow view has a wider angle, to show the whole vehicle.
+    // In a narrow view, the camera has a wider angle, to show the whole vehicle.
     this.#camera.fov = this.#camera.aspect > 1.4 ? 36 : 46;
     this.#camera.updateProjectionMatrix();
     this.#isStale = true;
