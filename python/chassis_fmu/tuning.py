@@ -357,7 +357,7 @@ def definitions(raw: dict[str, Any]) -> list[str]:
     for term, rows in zip(raw["terms"], raw.get("rows") or [None] * len(raw["terms"]), strict=True):
         squared = "²" if term["kind"] == "mean_square" else ""
         formula = _native.formula(term["kind"])
-        text = f"{_short(term['weight'])} times the magnitude of: {formula} of x: {term['signal']}"
+        text = f"{_short(term['weight'])} times the magnitude of {formula}, where x is {term['signal']}"
         text += f", over {_short(term['reference'])}{squared}"
         window = term["window"]
         text += "; all rows" if window is None else f"; rows from {_short(window[0])} s to {_short(window[1])} s"

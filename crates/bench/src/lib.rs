@@ -74,7 +74,7 @@ pub fn compare_versions(before: &Path) {
         );
         compared += 1;
     }
-    assert!(compared > 0, "{} has no FMU with a name that `target/fmu` has", before.display());
+    assert!(compared > 0, "no FMU in {} has the name of one in `target/fmu`", before.display());
 }
 
 /// The folder that cargo builds in.

@@ -54,7 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (schema, is_committed) = schema(&file)?;
     let text = format!("#:schema {schema}\n\n{}", text(plant, arguments.maneuver.as_deref(), &fmus)?);
     resolve_text(&file, &text, &fmus, &Options::default())
-        .wrap_err_with(|| format!("a scenario of {plant} cannot be made without more settings"))?;
+        .wrap_err_with(|| format!("a scenario for {plant} needs more settings"))?;
     if let Some(parent) = file.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).into_diagnostic().wrap_err_with(|| format!("making {}", parent.display()))?;
     }

@@ -454,7 +454,7 @@ fn mistakes_are_reported_with_their_place() {
         ("method = \"optimize\"", "method = \"sample\"", "6:10: unknown method `sample`, expected optimize"),
         ("method = \"optimize\"", "method = \"guess\"", "6:10: unknown method `guess`, expected optimize"),
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
-        ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
+        ("cases = [\"free\", \"inverted\"]", "cases = []", "`cases` is empty"),
         (
             "cases = [\"free\", \"inverted\"]",
             "cases = [\"alone\"]",

@@ -130,7 +130,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
 
     let until_stop = |x: Result<Vec<f64>, Reason>| {
         let (x, stop) = (x?, stop.clone()?);
-        largest_magnitude(&x[first..stop.row]).ok_or_else(|| "the vehicle stops when braking begins".to_owned())
+        largest_magnitude(&x[first..stop.row]).ok_or_else(|| "the vehicle does not move when braking begins".to_owned())
     };
     let yaw = rows.column("vehicle.yaw");
     let offset = yaw.clone().and_then(|yaw| {

@@ -13,7 +13,7 @@ const LIFT_TIME: f64 = 0.02;
 pub(super) const EVALUATOR: Evaluator = Evaluator {
     name: "rollover",
     title: "Rollover",
-    source: "NHTSA fishhook and J-turn; wheel lift is detected from tire loads, because not all vehicles have wheel heights",
+    source: "NHTSA fishhook and J-turn; wheel lift is detected from tire loads, because not all vehicle models output wheel heights",
     columns: &[
         Column::optional("vehicle.lateral_acceleration", "m/s2"),
         Column::optional("vehicle.load_transfer_ratio", "1"),

@@ -176,7 +176,7 @@ impl Factor {
             return;
         }
         if distribution.is_some_and(|d| d != Distribution::Grid) && base_type != BaseType::Real {
-            problems.add(at, format!("`{name}` is {base_type}, expected values instead of a distribution"));
+            problems.add(at, format!("`{name}` is {base_type} and cannot have a distribution: list its values"));
             return;
         }
         let mut scale = (1.0, 0.0);
