@@ -108,7 +108,7 @@ class Study(msgspec.Struct, frozen=True):
     methods: tuple[Method, ...]
     baseline: Candidate
     comparisons: tuple[dict[str, Any], ...]
-    """Given parameter values, with which the results of the methods are compared."""
+    """Parameter values from the file, with which the results of the methods are compared."""
     improved: bool
     raw: dict[str, Any] = {}
 

@@ -124,8 +124,8 @@ def test_the_page_of_a_linear_model_has_the_bode_plot_of_numpy(tmp_path: Path) -
     eye = np.eye(len(a))
     states = [np.linalg.solve(2j * np.pi * frequency * eye - a, b[:, i]) for frequency in frequencies]
     response = np.array([c[o] @ x + d[o, i] for x in states])
-    # The tolerance covers rounding to 16 bits: of the gain's logarithm (some decades), of the phase (some hundred
-    # degrees), and of the frequency.
+    # The tolerance covers rounding to 16 bits: of the gain's logarithm (a few decades), of the phase (a few
+    # hundred degrees), and of the frequency.
     np.testing.assert_allclose(numbers(data, gain["y"]), np.abs(response), rtol=2e-3)
     np.testing.assert_allclose(numbers(data, phase["y"]), np.degrees(np.unwrap(np.angle(response))), atol=0.1)
 

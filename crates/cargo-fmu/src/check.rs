@@ -23,7 +23,7 @@ pub(crate) struct Arguments {
     /// Names of packed FMUs of this workspace, or paths of any .fmu files
     #[arg(required = true)]
     fmus: Vec<String>,
-    /// Question whose errors give exit code 1
+    /// Exit with 1 only for errors in this question
     #[arg(long, value_name = "QUESTION", value_enum, default_value_t = FailOn::All)]
     fail_on: FailOn,
     #[command(flatten)]

@@ -69,7 +69,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Coordination of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, Tables 2 and 3): the inputs are the
-    /// steering angle in deg and the speed in km/h, the outputs the weights of the two suspension laws.
+    /// steering angle in deg and the speed in km/h; the outputs are the weights of the two suspension laws.
     struct Coordination {
         speed: Partition<5>,
         angle: Partition<5>,

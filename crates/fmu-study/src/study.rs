@@ -261,7 +261,10 @@ fn chosen_runs(file: &File, plan: &Plan, problems: &mut Collector) -> Vec<Run> {
         }
     }
     if cases.is_empty() {
-        problems.add(file.scenario.span(), "`cases` is empty: list at least one case, or leave `cases` out to use all of them");
+        problems.add(
+            file.scenario.span(),
+            "`cases` is empty: list at least one case, or leave `cases` out to use all of them",
+        );
     }
     plan.runs.iter().filter(|run| cases.iter().any(|c| *c.get_ref() == run.case)).cloned().collect()
 }

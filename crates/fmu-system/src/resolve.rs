@@ -45,8 +45,8 @@ pub struct Options {
     pub order: Option<run::Order>,
     /// Number of seeds to use, starting with the first.
     pub seeds: Option<usize>,
-    /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these signals
-    /// instead of the components; components that are no longer needed are dropped.
+    /// CSV file with a column `time` and columns named `signal` or `component:signal`. Their values replace those that
+    /// components would write; components that are no longer needed are dropped.
     pub inputs: Option<PathBuf>,
     /// Value of a signal from that file after its last sample.
     pub after_end: AfterEnd,

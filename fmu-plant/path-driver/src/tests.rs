@@ -143,7 +143,7 @@ fn lane_changes_pass_the_middle_of_the_lanes() {
 
 #[test]
 fn a_table_turns_without_jumps() {
-    // A square around the origin with 10 corners: the path goes around it two and a half times.
+    // A path of 10 points that goes two and a half times around a square centered on the origin.
     let corners = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
     let mut text = "x,y\n".to_owned();
     for i in 0..10 {

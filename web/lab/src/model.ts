@@ -209,7 +209,7 @@ export class Model {
         for (const recording of this.recordings) recording.branch(event.branch, this.branch, event.from);
         this.branches.push({ id: event.branch, from: event.from });
         this.branch = event.branch;
-        // Failures belong to the previous branch; the engine reports systems again that have failed in the new one.
+        // Failures belong to the previous branch; the engine reports systems that fail in the new one again.
         this.failures = [];
         this.#emit("branch");
         break;

@@ -63,8 +63,8 @@ pub(crate) struct Waiting {
     pub(crate) arguments: [u64; 6],
 }
 
-/// Receives the next call that waits for an answer. Fails if it no longer waits, or if all filtered processes have
-/// ended.
+/// Receives the next call that is waiting for an answer. Fails if the call has stopped waiting in the meantime, or if
+/// all filtered processes have ended.
 pub(crate) fn next_call(listener: BorrowedFd<'_>) -> io::Result<Waiting> {
     // SAFETY: all zeros are a valid value of this type; the system requires them.
     let mut notice: libc::seccomp_notif = unsafe { std::mem::zeroed() };
