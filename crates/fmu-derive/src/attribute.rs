@@ -17,7 +17,7 @@ use crate::unit::Unit;
 pub(crate) enum Source {
     /// A `Definition`, shared by several models.
     Definition(ExprPath),
-    /// Written in place.
+    /// A name that is written in the attribute.
     Name(LitStr),
 }
 
@@ -218,7 +218,8 @@ impl Variable {
                 })?;
                 Ok((Some(unit.tokens(root)), Some(unit), description))
             }
-            // Not for an Integer, whose description can end in a letter that is also a unit: `1 (A) to 8 (H)`.
+            // The description of an Integer is not checked, because it can end in a letter that is also a unit: `1 (A)
+            // to 8 (H)`.
             Some((_, unit))
                 if matches!(content, Content::Other | Content::Binary) && Unit::parse(unit, name.span()).is_ok() =>
             {
@@ -286,7 +287,7 @@ impl Variable {
                         set.push(quote!(display = ::core::option::Option::Some(#display)));
                     }
                 }
-                // The unit is a constant, so the display unit must be one that it lists.
+                // The unit is a constant, so the display unit must be one of the display units that the constant lists.
                 (display, _) => set.push(quote!(display_name = ::core::option::Option::Some(#display))),
             }
         }
@@ -330,7 +331,7 @@ impl Variable {
             && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
     }
 
-    /// Rejects literals that are wrong: a nominal value that is not above 0, and limits in the wrong order.
+    /// Rejects invalid literals: a nominal value that is not above 0, and limits in the wrong order.
     fn check_limits(&self) -> Result<()> {
         if let Some(nominal) = self.value("nominal")?
             && literal(nominal).is_some_and(|number| number <= 0.0)
@@ -347,7 +348,8 @@ impl Variable {
         Ok(())
     }
 
-    /// Assertions for the checks of [`Self::check_limits`] on constants, which only the compiler can evaluate.
+    /// Assertions that check constants as [`Self::check_limits`] checks literals. Only the compiler can evaluate
+    /// constants.
     pub(crate) fn limit_assertions(&self) -> TokenStream {
         let constant = |key| self.value(key).ok().flatten().filter(|value| is_constant(value));
         let is_open = |value: &Expr| literal(value).is_none();

@@ -1,6 +1,6 @@
 //! Mistakes in associated types and functions for which the compiler's messages would be hard to understand: undeclared
-//! types that functions of the model use, types with or without the number type, functions with too few or too many
-//! arguments.
+//! types that functions of the model use, types in which the number type is missing or superfluous, functions with too
+//! few or too many arguments.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::{ToTokens, format_ident, quote};

@@ -19,7 +19,8 @@ use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
-/// Prefix of the environment variable with which `cargo fmu pack` requests an export. The name of the crate follows.
+/// Prefix of the environment variable with which `cargo fmu pack` requests an export. In the name of the variable, the
+/// name of the crate follows the prefix.
 const EXPORT: &str = "FMU_EXPORT_";
 
 #[derive(Default)]
@@ -264,7 +265,7 @@ fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     }
 }
 
-/// Checks indices of zero crossings in `on_event` that are literals.
+/// Checks the indices of zero crossings in `on_event` if they are literals.
 fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> TokenStream {
     let mut numbers = Vec::new();
     if let Some(handler) = functions(items).find(|function| function.sig.ident == "on_event") {
@@ -301,7 +302,8 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
             let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
             quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 const _: () = {
-                    // Uses the number type, because outputs without real variables do not.
+                    // Uses the number type here, because it is otherwise unused if the outputs contain no real
+                    // variables.
                     #(type #numbers = f64; const _: #numbers = 0.0;)*
                     ::core::assert!(!<#ty as #root::Variables<f64>>::HAS_STARTS, #message)
                 };
@@ -327,7 +329,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
             let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
             let of = Ident::new(if name == "Derived" { "NamesOfDerived" } else { "NamesOf" }, Span::call_site());
             let names = quote!({
-                // Uses the number type, because a struct without real variables does not.
+                // Uses the number type here, because it is otherwise unused if the struct contains no real variables.
                 #(type #numbers = f64; const _: #numbers = 0.0;)*
                 #root::#of::<#ty>::NAMES
             });

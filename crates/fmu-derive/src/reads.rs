@@ -7,7 +7,8 @@ use syn::ext::IdentExt as _;
 use syn::visit::{self, Visit};
 use syn::{Expr, ExprField, ExprMethodCall, GenericParam, ImplItem, Item, Local, Macro, Member, Pat};
 
-/// The fields of `self` that functions generic over the number type read; `None` if one of them passes on `self`.
+/// The fields of `self` that the functions generic over the number type read; `None` if one of these functions passes
+/// `self` to another function.
 pub(crate) fn of_equations(items: &[ImplItem]) -> Option<BTreeSet<String>> {
     let is_generic = |parameter: &GenericParam| matches!(parameter, GenericParam::Type(_));
     let functions = || {
@@ -90,7 +91,7 @@ impl<'ast> Visit<'ast> for Reads {
         }
     }
 
-    /// `let Self { a, b, .. } = self;`
+    /// A pattern such as `let Self { a, b, .. } = self;` reads the fields that it lists.
     fn visit_local(&mut self, local: &'ast Local) {
         match (&local.pat, &local.init) {
             (Pat::Struct(pattern), Some(init)) if is_self(&init.expr) => {

@@ -8,7 +8,7 @@ use syn::{DeriveInput, GenericParam, parse_quote};
 use crate::attribute::{private, root};
 use crate::variables::Block;
 
-/// `Parameters`, `Inputs`, `Outputs`, `State`.
+/// Empty implementations for the derives `Parameters`, `Inputs`, `Outputs` and `State`.
 pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
     let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let ident = &input.ident;
@@ -56,7 +56,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> TokenStream {
     tokens
 }
 
-/// `Derived`, `DiscreteState`.
+/// An empty implementation for the derives `Derived` and `DiscreteState`.
 pub(crate) fn empty(input: &DeriveInput, name: &str) -> TokenStream {
     let root = root(&input.attrs).unwrap_or_else(|_| private(None));
     let (ident, name) = (&input.ident, format_ident!("{name}"));

@@ -103,14 +103,14 @@ fn members(parts: &[Part], root: &TokenStream, number: &TokenStream) -> TokenStr
     }
 }
 
-/// `Parameters`: the model, if it implements a model trait.
+/// The derive `Parameters`. Also reports an implementation of a model trait that lacks `#[fmu::model]`.
 pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
     let tokens = variables(input, Block::Parameters)?;
     let error = crate::unattributed::error(input);
     Ok(quote!(#tokens #error))
 }
 
-/// `Parameters`, `Inputs`, `Outputs`, `State`.
+/// The derives `Parameters`, `Inputs`, `Outputs` and `State`.
 pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
     let ident = &input.ident;
@@ -151,7 +151,8 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         fields.iter().filter_map(|field| errors.keep(part(field, block, &root, parameter.as_ref(), &number))).collect();
     twice(&fields, &mut errors);
     let names: Vec<_> = parts.iter().map(|part| &part.name).collect();
-    // Not the names of the fields, which could be `values` or `at`.
+    // The local variables do not have the names of the fields, which could be `values` or `at`, the names of the
+    // arguments.
     let locals: Vec<_> = (0..parts.len()).map(|i| format_ident!("field_{i}")).collect();
     let build = if matches!(&input.data, syn::Data::Struct(data) if matches!(data.fields, syn::Fields::Unit)) {
         quote!(Self)
@@ -338,7 +339,7 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
              the value is valid"
         }
         "char" | "i128" | "u128" => "",
-        // Possibly an array.
+        // The type may be an array.
         _ => return mistaken(element(ty)?, parameter),
     };
     let list = "`f32`, an integer of 8 to 64 bits, `bool`, `String`, `Bytes<N>`, an enum with \
@@ -499,7 +500,7 @@ fn declaration(
     })
 }
 
-/// `Derived`: only fields with `#[var]` are variables.
+/// The derive `Derived`. Only fields with `#[var]` are variables.
 pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
     let ident = &input.ident;
@@ -534,7 +535,7 @@ fn no_state(ty: &syn::Type) -> Option<&'static str> {
     }
 }
 
-/// `DiscreteState`: the state of a model that is kept from one sample or event to the next.
+/// The derive `DiscreteState`, for the state of a model that is kept from one sample or event to the next.
 pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
     let ident = &input.ident;

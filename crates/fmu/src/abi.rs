@@ -5,8 +5,9 @@
 //! panic is caught, logged, and leaves an instance that can only be reset or freed.
 //!
 //! # Safety
-//! As in C: a component must come from an instantiating function and not have been freed, arrays must have the length that is
-//! passed with them, strings must end with a zero, and one instance must not be used by two threads at a time.
+//! The caller must follow the rules of the C interface: a component must come from an instantiating function and not
+//! have been freed, arrays must have the length that is passed with them, strings must end with a zero, and one
+//! instance must not be used by two threads at a time.
 #![allow(unsafe_code)]
 #![expect(clippy::missing_safety_doc, reason = "documented once, for the whole module")]
 
@@ -90,7 +91,7 @@ pub struct Library(Mutex<Kept>);
 #[derive(Debug, Default)]
 struct Kept {
     description: Option<Arc<Description>>,
-    /// The text that the packer read last, see [`model_description`].
+    /// The text that the packer read last. See [`model_description`].
     text: Option<CString>,
 }
 
@@ -106,8 +107,8 @@ impl Library {
     }
 }
 
-/// Frees the library's data: a master that repeatedly loads and unloads the library must not leak memory. Remaining
-/// instances hold references to the description.
+/// Frees the library's data, so that a master that repeatedly loads and unloads the library does not leak memory.
+/// Instances that still exist hold their own references to the description.
 pub extern "C" fn forget<E: Export + ?Sized>() {
     let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
@@ -121,7 +122,7 @@ enum Logger {
 struct Log {
     logger: Option<Logger>,
     name: CString,
-    /// For each of the [`LOG_CATEGORIES`], true if its messages are logged. Errors always are.
+    /// For each of the [`LOG_CATEGORIES`], true if its messages are logged. Errors are always logged.
     wanted: [bool; LOG_CATEGORIES.len()],
 }
 
@@ -134,8 +135,8 @@ impl Log {
         let to_c = |text: String| CString::new(text).expect("zeros were replaced");
         match *logger {
             Logger::Fmi2(logger, environment) => {
-                // The message is a printf format (every percent sign doubled) in which a single # would begin a value
-                // reference, as in #r1# (standard, section 2.1.5).
+                // The message is a printf format, so percent signs are doubled. The same applies to #, because a single
+                // # would begin a value reference, as in #r1# (FMI 2.0, section 2.1.5).
                 let text = to_c(text.replace('%', "%%").replace('#', "##"));
                 // SAFETY: the logger and its environment are the caller's; all strings end with a zero and outlive the call.
                 unsafe {
@@ -154,7 +155,7 @@ impl Log {
 struct Handle<E: Export> {
     instance: Instance<E::Model>,
     log: Log,
-    /// Snapshots that the importer has: other pointers are rejected.
+    /// Snapshots that the importer holds. All other pointers to states are rejected.
     snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
     /// True if a co-simulation step ends at the first event (FMI 3.0).
     returns_early: bool,
@@ -246,7 +247,7 @@ impl<E: Export> Call<E> {
     }
 }
 
-/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. Computations run in the
+/// Runs `f` on the component if its mode allows `function`. Logs errors and catches panics. Computations run in the
 /// default floating-point environment, independent of the caller's.
 #[inline]
 unsafe fn call<E: Export>(
@@ -307,9 +308,9 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
     unsafe { CStr::from_ptr(pointer) }.to_str().map_err(|_| "not UTF-8")
 }
 
-/// Returns the model description for the packer; if the declarations contain an error, an exclamation mark followed by
-/// the error. The text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a
-/// sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead) and 16
+/// Returns the model description for the packer or, if the declarations contain an error, an exclamation mark followed
+/// by the error. The text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is
+/// a sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead) and 16
 /// (return the notes instead), as in `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
@@ -332,7 +333,8 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
     catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
-/// Defines functions of the C interface. Each calls `target` for the model; some pass an entry in the table of calls.
+/// Defines functions of the C interface. Each function calls `target` for the model; some also pass their entry in the
+/// table of calls.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_functions {
@@ -360,7 +362,7 @@ macro_rules! unloading {
     };
 }
 
-/// The types of C.
+/// The C types in the signatures of the interface.
 #[doc(hidden)]
 pub mod c {
     #[cfg(target_family = "wasm")]
@@ -368,7 +370,7 @@ pub mod c {
     #[cfg(not(target_family = "wasm"))]
     pub use libc::{c_char, c_int, c_uint, c_void, size_t};
 
-    /// WebAssembly has no C library.
+    /// The type of sizes in C. Defined here for WebAssembly, which has no C library.
     #[cfg(target_family = "wasm")]
     #[expect(non_camel_case_types, reason = "as in C")]
     pub type size_t = usize;

@@ -1,11 +1,11 @@
-//! Values of the type Binary: a bounded number of bytes without an allocation.
+//! Values of the type Binary: a limited number of bytes, stored without an allocation.
 
 use std::fmt::{Debug, Formatter};
 use std::ops::Deref;
 
 use crate::discrete_state::{StateField, Word, Words};
 
-/// Up to `N` bytes, the type of a Binary variable (FMI 3.0). `N` is its `maxSize`.
+/// The type of a Binary variable (FMI 3.0): up to `N` bytes. `N` is the `maxSize` of the variable.
 ///
 /// ```
 /// let mut frame = fmu::Bytes::<8>::from(b"\x01\x02");
@@ -27,7 +27,7 @@ impl<const N: usize> Bytes<N> {
     /// Replaces the bytes.
     ///
     /// # Panics
-    /// If there are more than `N` bytes. In an FMU, the call then fails with this message.
+    /// If there are more than `N` bytes. In an FMU, the current call then fails with the message of the panic.
     pub fn set(&mut self, bytes: &[u8]) {
         assert!(bytes.len() <= N, "{} bytes are too many for a Binary of at most {N}", bytes.len());
         self.length = bytes.len();

@@ -2,11 +2,11 @@
 
 use crate::calls::Interface;
 
-/// Two times are the same instant if they differ by at most this fraction of a step or sample time.
+/// Two times are treated as the same instant if they differ by at most this fraction of a step or sample time.
 const SLACK: f64 = 1e-6;
 
-/// Two times are also the same instant if they differ by at most this many units in the last place. A master's t0 + k h
-/// is rounded twice, the end of the step once more, and the instant of a sample once.
+/// Two times are also treated as the same instant if they differ by at most this many units in the last place. A
+/// master's t0 + k h contains two rounding errors, the end of the step adds one, and the instant of a sample adds one.
 const ROUNDINGS: f64 = 4.0;
 
 /// Number of samples above which a counter is no longer exact as a real number.
@@ -29,12 +29,13 @@ pub struct Clock {
 #[inline]
 fn ulp(time: f64) -> f64 {
     let magnitude = time.abs().min(f64::MAX.next_down());
-    // Like `next_up`, but without branches: the bits of non-negative numbers have the order of the numbers.
+    // Like `next_up`, but without branches: the bits of non-negative numbers, read as integers, have the same order as
+    // the numbers.
     f64::from_bits(magnitude.to_bits() + 1) - magnitude
 }
 
-/// Returns true if `difference` is within the tolerance of a time near `time` in a step of `step` s: a millionth of the
-/// step, or four units in the last place of the time.
+/// Returns true if two times that differ by `difference` are the same instant. The tolerance is a millionth of `step`,
+/// or four units in the last place of `time`, which is near both times. All times are in s.
 #[inline]
 pub(crate) fn is_within_tolerance(difference: f64, time: f64, step: f64) -> bool {
     difference <= SLACK * step || difference <= ROUNDINGS * ulp(time)
@@ -52,7 +53,7 @@ pub(crate) fn ceil(x: f64) -> f64 {
 }
 
 /// Returns the tolerance for rounding errors of the time `t`: a millionth of a `part` (a step or sample time) plus four
-/// units in the last place of `t`. All are in s.
+/// units in the last place of `t`. All times are in s.
 #[inline]
 #[must_use]
 pub fn slack(part: f64, t: f64) -> f64 {
@@ -89,7 +90,7 @@ pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sam
 impl Clock {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
-    /// Checks a clock from a deserialized state. Fails if no sequence of steps leads to it.
+    /// Checks a clock from a deserialized state. Fails if no sequence of steps can lead to this clock.
     pub(crate) fn check(
         &self,
         interface: Interface,
@@ -185,7 +186,8 @@ mod tests {
         }
     }
 
-    /// Compared with the general formula: at sample instants, inside and outside the tolerance, and between samples.
+    /// Compares the fast path with the general formula: at sample instants, inside and outside the tolerance, and
+    /// between samples.
     #[test]
     fn due_samples_agree_with_the_general_formula() {
         for (step, sample_time) in

@@ -1,15 +1,16 @@
 //! Combinations of the values of several variables.
 
-/// Integers with more values than this are not tried.
+/// The values of an Integer are not tried if there are more of them than this.
 pub(crate) const MOST_VALUES: usize = 64;
 
 /// If there are more combinations than this, [`combinations`] changes only one variable at a time.
 pub(crate) const MOST_COMBINATIONS: usize = 4096;
 
 /// Returns combinations of values to try. `sizes` contains the number of values of each variable. A combination
-/// contains the index of each variable's value, or `None` for an unchanged variable. In the first combination all
-/// variables are unchanged. All others follow, the first variable changing fastest. If these are more than
-/// [`MOST_COMBINATIONS`], only those follow in which one variable has a value and the others are unchanged.
+/// contains the index of each variable's value, or `None` for an unchanged variable. The first combination leaves all
+/// variables unchanged. The other combinations give every variable a value; the first variable changes fastest. If
+/// there would be more than [`MOST_COMBINATIONS`] of these, each of them instead gives a value to only one variable and
+/// leaves the rest unchanged.
 pub(crate) fn combinations(sizes: &[usize]) -> Vec<Vec<Option<usize>>> {
     let mut tried = vec![vec![None; sizes.len()]];
     if are_few(sizes) {

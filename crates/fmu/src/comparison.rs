@@ -1,5 +1,5 @@
 //! Comparisons in equations. [`model`](macro@crate::model) replaces the operators with these functions, which do the
-//! same but have a specific error message for the generic number type of the equations.
+//! same but cause a specific error message for the generic number type of the equations.
 
 /// Operands of `<`, `<=`, `>` and `>=`.
 #[diagnostic::on_unimplemented(

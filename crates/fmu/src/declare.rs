@@ -1,4 +1,4 @@
-//! Functions that the derives call to declare variables; model files do not need them.
+//! Functions that code from the derive macros calls to declare variables; model files do not need them.
 
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
@@ -228,7 +228,7 @@ impl Spec {
     }
 }
 
-/// A start value as it is written.
+/// Converts a start value to the type of the variable.
 pub fn start<S>(start: impl Into<S>) -> S {
     start.into()
 }
@@ -272,12 +272,12 @@ pub fn number<S>(start: impl NumberFor<S>) -> S {
     start.start_value()
 }
 
-/// A limit as it is written.
+/// Converts a limit to `f64`.
 pub fn limit(limit: impl Into<f64>) -> f64 {
     limit.into()
 }
 
-/// A limit of integers of a type.
+/// Converts a limit of an integer variable of type `V`.
 pub fn whole_limit<V: Number + Into<i128>>(limit: V) -> i128 {
     limit.into()
 }
@@ -302,7 +302,8 @@ pub struct Name {
     text: &'static str,
     /// Polynomial hash of the bytes of the text, modulo 2^64.
     hash: u64,
-    /// [`Self::BASE`] to the power of the length. A prefix's hash times this, plus `hash`, is the hash of both texts.
+    /// [`Self::BASE`] to the power of the length. The hash of a prefix times this, plus `hash`, is the hash of the
+    /// prefix followed by the text.
     power: u64,
     is_array: bool,
     /// Names of a nested struct.
@@ -328,12 +329,13 @@ impl Name {
         Self { fields: Some(fields), ..Self::of(prefix, false) }
     }
 
-    /// The hash of a prefix followed by the text.
+    /// The hash of a prefix followed by this text; `prefix` is the hash of the prefix.
     const fn behind(&self, prefix: u64) -> u64 {
         prefix.wrapping_mul(self.power).wrapping_add(self.hash)
     }
 
-    /// The hash of the prefix of the fields.
+    /// The hash of the prefix of the names in this nested struct; `outer` is the hash of the prefix of the struct
+    /// itself.
     const fn prefix(&self, outer: u64) -> u64 {
         match self.text.len() {
             0 => outer,
@@ -373,7 +375,7 @@ impl Text {
     }
 }
 
-/// Returns an error if a name occurs twice in a struct, or also in an earlier struct.
+/// Returns an error message if a name occurs twice in `names`, or also in an earlier struct.
 pub const fn shared_name(earlier: &[&[Name]], names: &[Name]) -> Option<Text> {
     shared(earlier, names, names, 0, &[])
 }

@@ -11,7 +11,7 @@ pub struct Definition {
     pub unit: Unit,
     /// Name of the display unit, one of [`Unit::display`].
     pub display: Option<&'static str>,
-    /// Order of magnitude, in the unit.
+    /// Usual magnitude, in the unit.
     pub nominal: Option<f64>,
     /// Valid values.
     pub range: Range,
@@ -19,7 +19,8 @@ pub struct Definition {
     pub description: &'static str,
 }
 
-/// Minimum of a parameter that must be above zero, in its unit: FMI has no exclusive limits.
+/// Minimum of a parameter that must be above zero, in the unit of the parameter. FMI cannot express that the limit
+/// itself is excluded.
 pub const LEAST_POSITIVE: f64 = 1e-6;
 
 /// The values a parameter may have.

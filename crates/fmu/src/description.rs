@@ -49,7 +49,7 @@ impl Format {
     pub const FMI3: Self = Self { version: Version::Fmi3, ..Self::FMI2 };
 }
 
-/// Data of a model that do not depend on an instance.
+/// Data of a model that all its instances share.
 #[derive(Debug)]
 pub struct Description {
     /// All variables.
@@ -58,7 +58,7 @@ pub struct Description {
     pub guid: String,
     /// modelDescription.xml; empty in a packed library.
     pub xml: String,
-    /// Reasons why the model structure lists too much, each with the remedy; empty in a packed library.
+    /// Reasons why the model structure lists too many dependencies, each with the remedy; empty in a packed library.
     pub notes: Vec<String>,
     /// With native arrays, the number of values for each value reference; otherwise empty.
     pub(crate) lengths: Vec<u32>,
@@ -66,14 +66,15 @@ pub struct Description {
 
 impl Description {
     /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads. Panics if the
-    /// declarations are inconsistent (two variables with one name, a start value outside its limits), or if the derived
-    /// parameters cannot be computed for any combination of Booleans and enumerations. The test that
+    /// declarations are inconsistent (two variables with the same name, a start value outside its limits), or if the
+    /// derived parameters cannot be computed, whatever the values of Booleans and enumerations. The test that
     /// [`model`](macro@crate::model) adds to the package detects these errors.
     pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
         Self::consistent::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
-    /// Like [`Self::of`], but returns an error instead of panicking, also if the FMI version cannot express a variable.
+    /// Like [`Self::of`], but returns an error instead of panicking. Also fails if the FMI version cannot express a
+    /// variable.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         match inexpressible(&M::layout(), format) {
             Some(problem) => Err(format!("{}: {problem}", M::INFO.name)),
@@ -102,7 +103,8 @@ impl Description {
         };
         let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
         let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
-        // The GUID is the hash of the description with an empty GUID, which is in the first element.
+        // The GUID is the hash of the description with an empty GUID. The first match is the GUID's attribute, because
+        // it is in the root element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
         let name = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
@@ -242,7 +244,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
     if format.version == Version::Fmi2 {
         return None;
     }
-    // In FMI 3.0 the time and the event indicators are variables. `fmi3` writes them with these names.
+    // In FMI 3.0 the time and the event indicators are variables. The module `fmi3` writes them with these names.
     const TIME: [&str; 3] = ["time", "simulation_time", "independent_variable"];
     if TIME.iter().all(|name| names.contains(&(*name).to_owned())) {
         return Some(format!("rename one of '{}': FMI 3.0 needs one of these names for the time", TIME.join("', '")));
@@ -380,7 +382,7 @@ mod tests {
         }
     }
 
-    /// The names are valid in FMI 2.0. Without model exchange, names of event indicators are valid, too.
+    /// The same names are valid in FMI 2.0. Names of event indicators are also valid in FMI 3.0 without model exchange.
     #[test]
     fn names_that_fmi_3_needs_are_rejected() {
         let all = |names: &[&'static str]| -> Vec<Declaration> {

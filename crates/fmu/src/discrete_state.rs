@@ -14,8 +14,8 @@ pub trait DiscreteState: 'static {
     fn load(&mut self, _source: &mut Words<'_>) -> Result<(), String> {
         Ok(())
     }
-    /// Name and value of the first real number that is not finite. Fields with `always_finite` are left out: large buffers
-    /// of values that are finite by construction would be searched after every sample.
+    /// Name and value of the first real number that is not finite. Skips fields with `always_finite`, because searching
+    /// a large buffer after every sample would take time.
     #[doc(hidden)]
     #[inline]
     fn not_finite(&self) -> Option<(&'static str, f64)> {

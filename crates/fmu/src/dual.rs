@@ -4,7 +4,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::scalar::{Scalar, assign_and_sum};
 
-/// A value and its derivative along one direction; arithmetic carries both (forward differentiation).
+/// A value and its derivative along one direction; arithmetic computes both (forward differentiation).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dual<T> {
     /// The value.
@@ -30,8 +30,8 @@ impl<T: Scalar> Dual<T> {
         Self::new(value, (self.eps - value * other.eps) / other.re)
     }
 
-    /// Applies a function with this value and slope (chain rule). If the derivative of `self` is 0, so is the result's,
-    /// even where the slope is infinite: a vehicle at rest stays differentiable.
+    /// Applies a function with this value and slope (chain rule). If the derivative of `self` is 0, so is the
+    /// derivative of the result, even where the slope is infinite. A vehicle at rest therefore stays differentiable.
     fn chain(self, value: T, slope: T) -> Self {
         Self::new(value, if self.eps.value() == 0.0 { T::from(0.0) } else { slope * self.eps })
     }
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn derivatives_agree_with_closed_forms() {
         // The values must equal the results with plain numbers. The derivatives are compared with closed forms; a
-        // relative error of 4e-15 is a few roundings.
+        // relative error of 4e-15 corresponds to a few rounding errors.
         let cases: &[Case] = &[
             (Scalar::sin, math::sin, f64::cos),
             (Scalar::cos, math::cos, |x| -x.sin()),
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_magnitude_has_no_sign() {
-        // With -0, equations would get atan2(-0, -1) = -pi.
+        // If the magnitude were -0, equations could get atan2(-0, -1) = -pi instead of pi.
         assert!(magnitude(0.0_f64).is_sign_positive());
         assert!(magnitude(-0.0_f64).is_sign_positive());
         assert!(magnitude(Dual64::new(0.0, 1.0)).re.is_sign_positive());

@@ -1,4 +1,4 @@
-//! A number type for the equations whose values identify expressions.
+//! A number type for the equations. Its values identify expressions.
 
 use std::cell::Cell;
 
@@ -11,7 +11,7 @@ use crate::table::Table;
 pub struct Expression(u128);
 
 thread_local! {
-    /// True if the equations have read a number's value.
+    /// True if the equations of this thread have read the value of a number.
     static INSPECTED: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -21,7 +21,7 @@ pub(crate) fn inspected<R>(equations: impl FnOnce() -> R) -> (R, bool) {
     (equations(), INSPECTED.get())
 }
 
-/// Odd numbers from the digits of pi, which mix the operands.
+/// Odd numbers from the digits of pi. Multiplication by them mixes the operands.
 const FIRST: u128 = 0x243f_6a88_85a3_08d3_1319_8a2e_0370_7345;
 const SECOND: u128 = 0xa409_3822_299f_31d0_082e_fa98_ec4e_6c89;
 
@@ -34,7 +34,7 @@ impl Expression {
         Self::hash(text, [])
     }
 
-    /// A Binary.
+    /// The expression of the value of a Binary.
     pub(crate) fn bytes(bytes: &[u8]) -> Self {
         bytes.iter().fold(Self::hash("bytes", []), |hash, &byte| Self::hash("byte", [hash.0, byte.into()]))
     }

@@ -1,4 +1,4 @@
-//! An instance of an FMU, in safe Rust: modes, values, time, state. The C interface only calls this module.
+//! An instance of an FMU, in safe Rust: modes, values, time, state. The C interface is a thin layer over this module.
 #![cfg_attr(not(feature = "testing"), expect(unreachable_pub, reason = "public with the feature `testing`"))]
 
 use std::ffi::CString;
@@ -66,9 +66,10 @@ pub struct Instance<M: Model> {
     derived: Option<Arc<M::Derived>>,
     /// True if a parameter has changed since the derived parameters were computed. They are computed again when needed.
     derived_are_old: bool,
-    /// Created when needed; before the start, created again when a value on which it depends changes. If a step of a
-    /// continuous-time model fails, only the discrete state in it is restored, because the outputs depend on it.
-    /// Nothing else is read in Step Failed, and a saved state or a reset then replaces everything.
+    /// The state of the run. Created when needed; before the start, created again when a value on which it depends
+    /// changes. If a step of a continuous-time model fails, only the discrete state in the state of the run is
+    /// restored, because the outputs depend on it. In Step Failed, nothing else in the state of the run is read before
+    /// a saved state or a reset replaces everything.
     run: Option<M::RunnerState>,
     outputs_are_old: bool,
     derivatives_are_old: bool,
@@ -203,7 +204,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Sets the solver's tolerance to the experiment's, within the limits of the parameter, or else to the model's.
+    /// Sets the solver's tolerance to the tolerance of the experiment, clamped to the limits of the parameter. Without
+    /// a tolerance of the experiment, sets the start value of the parameter.
     fn set_tolerance(&mut self, tolerance: Option<f64>) {
         let layout = &self.description.layout;
         if let Some(index) = layout.solver
@@ -281,7 +283,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The model, the state of the run and the values, once the derived parameters are computed.
+    /// The model, the state of the run and the values. The derived parameters must already be computed.
     #[inline]
     fn context(&mut self) -> Run<'_, M> {
         let (Some(derived), Some(run)) = (self.derived.as_deref(), &mut self.run) else {
@@ -291,8 +293,8 @@ impl<M: Model> Instance<M> {
         Run { ctx, run, values: &mut self.values }
     }
 
-    /// Returns the derived parameters, computed again if a parameter has changed. Before the start, also computes the
-    /// calculated states and the state of the run. They depend only on the values, not on earlier reads.
+    /// Returns the derived parameters, which are computed again if a parameter has changed. Before the start, also
+    /// computes the calculated states and the state of the run. They depend only on the values, not on earlier reads.
     #[inline]
     fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
         match &self.derived {

@@ -9,8 +9,9 @@
 //! | [`Discrete`] | an update at each sample | controller, filter, signal source |
 //! | [`Stateful`] | an existing simulation that advances itself | anything that can be cloned |
 //!
-//! [`model`](macro@model) adds default items and exports the model; value references, the model description, saved
-//! states, reset and derivatives follow from the declaration. `cargo fmu pack` writes the FMU.
+//! [`model`](macro@model) fills in the items that you leave out and exports the model. Value references, the model
+//! description, saved states, reset and derivatives are generated from the declaration. `cargo fmu pack` writes the
+//! FMU.
 //!
 //! # A model and its test
 //!
@@ -44,7 +45,8 @@
 //!     }
 //! }
 //!
-//! // A test can run the model without an FMU; the results are bit-identical. Undamped, it is a harmonic oscillator: x = 2 cos t.
+//! // A test can run the model without an FMU. The results are bit-identical to those of the FMU.
+//! // Without damping, the model is a harmonic oscillator: x = 2 cos t.
 //! # fn main() -> Result<(), String> {
 //! let mut run = fmu::simulation::ContinuousSimulation::new(VanDerPol { mu: 0.0 })?;
 //! while run.time() < 10.0 {
@@ -70,7 +72,7 @@
 //! | `Rosenbrock { tolerance: 1e-6 }` | RODAS, order 4(3), with exact Jacobians | error control | `tolerance` | stiff models |
 //! | `Exact` | [`Continuous::advance`]; implementing it selects this solver | communication step | none | equations with a solution in closed form |
 
-// Code from the derives refers to this crate as `fmu`, also in its own tests.
+// The derive macros generate code that refers to this crate as `fmu`, even in the tests of this crate.
 extern crate self as fmu;
 
 mod abi;
@@ -119,7 +121,7 @@ pub use table::Table;
 pub use unit::{DisplayUnit, Unit};
 pub use variables::{ContinuousState, Derived, Field, Parameters, Variables};
 
-/// Exports the items of private modules.
+/// Re-exports private modules as public modules with the same names.
 macro_rules! open {
     ($($module:ident)*) => {$(
         pub mod $module {
@@ -145,7 +147,7 @@ pub mod __private {
     open!(serde);
 }
 
-/// Instances of a model and its description, for tests and benchmarks.
+/// Internals for tests and benchmarks, such as instances of a model and its description.
 #[cfg(feature = "testing")]
 #[doc(hidden)]
 pub mod testing {
@@ -174,7 +176,7 @@ macro_rules! serialize_with_serde {
     };
 }
 
-/// Items that a model file needs.
+/// The items that the source file of a model needs.
 pub mod prelude {
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};
     #[doc(no_inline)]
@@ -184,7 +186,7 @@ pub mod prelude {
     };
 }
 
-/// The examples of the README are compiled and run.
+/// Compiles and runs the examples in the README.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct Readme;

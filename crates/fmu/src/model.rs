@@ -55,7 +55,7 @@ pub struct At<'a, T: Scalar, M: Continuous> {
     pub time: T,
     /// State.
     pub state: &'a M::State<T>,
-    /// Inputs; held during a communication step.
+    /// Inputs, which are constant during a communication step.
     pub inputs: &'a M::Inputs<T>,
     /// Derived parameters.
     pub derived: &'a M::Derived,
@@ -71,7 +71,7 @@ impl<T: Scalar, M: Continuous> Clone for At<'_, T, M> {
 }
 impl<T: Scalar, M: Continuous> Copy for At<'_, T, M> {}
 
-/// An event: its cause, and the values that it may change.
+/// An event: its cause, and the values that [`Continuous::on_event`] may change.
 #[derive(Debug)]
 pub struct Event<'a, M: Continuous> {
     /// Time in s.
@@ -91,13 +91,15 @@ pub struct Event<'a, M: Continuous> {
 }
 
 impl<M: Continuous> Event<'_, M> {
-    /// Returns true if this zero crossing went from positive or zero to negative. Panics if there is none.
+    /// Returns true if the quantity `index` of [`Continuous::zero_crossings`] went from positive or zero to negative.
+    /// Panics if there is no quantity with this index.
     #[must_use]
     pub fn fell(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] < 0.0
     }
 
-    /// Returns true if this zero crossing went from negative to positive or zero. Panics if there is none.
+    /// Returns true if the quantity `index` of [`Continuous::zero_crossings`] went from negative to positive or zero.
+    /// Panics if there is no quantity with this index.
     #[must_use]
     pub fn rose(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] >= 0.0
@@ -119,12 +121,12 @@ pub(crate) fn is_crossing(before: f64, after: f64) -> bool {
     (before >= 0.0) != (after >= 0.0)
 }
 
-/// A continuous-time model: x' = derivatives(t, x, u), y = outputs(t, x, u). The struct that implements it holds the
-/// parameters.
+/// A continuous-time model: x' = derivatives(t, x, u), y = outputs(t, x, u). The struct that implements this trait
+/// holds the parameters.
 ///
 /// The equations are generic over the number type: the same function simulates, computes exact directional derivatives,
 /// and finds the dependencies of every result. Write either [`Self::derivatives`] and [`Self::outputs`], or
-/// [`Self::evaluate`], which returns both. [`model`](macro@crate::model) adds default items.
+/// [`Self::evaluate`], which returns both. [`model`](macro@crate::model) fills in the items that you leave out.
 pub trait Continuous: Parameters {
     /// Metadata of the model.
     const INFO: Info;
@@ -132,8 +134,8 @@ pub trait Continuous: Parameters {
     const SOLVER: Solver = Solver::RungeKutta;
     /// True if [`Self::next_time_event`] is implemented.
     const HAS_TIME_EVENTS: bool = false;
-    /// The fields of `self` that the equations read; `None` if the equations pass on `self` and may therefore read any
-    /// field. [`Self::derived`], [`Self::load`] and [`Self::initialize`] are not equations.
+    /// The fields of `self` that the equations read; `None` if the equations pass `self` to another function, which may
+    /// read any field. [`Self::derived`], [`Self::load`] and [`Self::initialize`] do not count as equations.
     /// [`model`](macro@crate::model) sets this.
     const EQUATIONS_READ: Option<&'static [&'static str]> = None;
     /// The continuous state; also the type of its time derivative.
@@ -146,11 +148,11 @@ pub trait Continuous: Parameters {
     type Derived: Derived;
     /// Values that change at events only.
     type DiscreteState: DiscreteState + Clone + Default + Send;
-    /// The quantities whose zero crossings are events, `[f64; N]`.
+    /// Type of the quantities whose zero crossings are events: `[f64; N]`.
     type Crossings: AsRef<[f64]>;
 
-    /// Computes the derived parameters. Called again after a tunable parameter has changed. An error is a sentence with
-    /// the parameter's name, its value and the rule.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed. The error is a sentence
+    /// that contains the parameter's name, its value and the rule that it breaks.
     fn derived(&self) -> Result<Self::Derived, String>;
     /// Like [`Self::derived`], for a model that reads files from the FMU's folder `resources`.
     fn load(&self, _resources: &Path) -> Result<Self::Derived, String> {
@@ -167,7 +169,8 @@ pub trait Continuous: Parameters {
     /// D`, and `(): &()` in a model without derived parameters. The second argument is the state, `state: &mut X<f64>`.
     fn initialize(&self, _derived: &Self::Derived, _state: &mut Self::State<f64>) {}
     /// The discrete state at the start, computed from the state and inputs at the end of initialization. `at.discrete`
-    /// is the default. A zero crossing that starts positive causes no event; set here what an event would have set.
+    /// has the default values. A quantity of [`Self::zero_crossings`] that is already positive at the start causes no
+    /// event: set the discrete state here as the event would have set it.
     fn initial_discrete_state(&self, _at: At<'_, f64, Self>) -> Self::DiscreteState {
         Self::DiscreteState::default()
     }
@@ -185,8 +188,8 @@ pub trait Continuous: Parameters {
     fn advance(&self, at: At<'_, f64, Self>, _step: f64) -> Self::State<f64> {
         at.state.copied()
     }
-    /// Quantities whose sign changes are state events, located to 10^-15 of the integration step. Called only if the
-    /// model declares [`Self::Crossings`].
+    /// Quantities whose sign changes are state events. The time of an event is accurate to 10^-15 of the integration
+    /// step. Called only if the model declares [`Self::Crossings`].
     fn zero_crossings(&self, _at: At<'_, f64, Self>) -> Self::Crossings {
         unreachable!("the model declares `type Crossings` without `fn zero_crossings`")
     }
@@ -195,12 +198,14 @@ pub trait Continuous: Parameters {
     fn next_time_event(&self, _at: At<'_, f64, Self>) -> Option<f64> {
         None
     }
-    /// Handles an event; can change the state and the discrete state.
+    /// Handles an event. May change the state and the discrete state.
     fn on_event(&self, _event: Event<'_, Self>) {}
 }
 
-/// Takes the names of an output of a source and of a parameter, in [`Discrete::FOLLOWS`] of an input. Returns `true` if
-/// the output can depend on it, at some time and for some other parameters. Tools read this from the model structure.
+/// Declares dependencies of the outputs of a source. Takes the name of an output, and the name of a parameter (in
+/// [`Discrete::SOURCE`]) or of an input (in [`Discrete::FOLLOWS`]). Returns `true` if the output can depend on this
+/// parameter or input, at some time and for some values of the other parameters. Tools find the dependencies in the
+/// model structure.
 pub type Influence = fn(output: &str, parameter: &str) -> bool;
 
 /// A sample of a discrete-time model.
@@ -216,10 +221,11 @@ pub struct Sample<'a, M: Discrete> {
     pub derived: &'a M::Derived,
 }
 
-/// A discrete-time model: a controller, or a signal source. The struct that implements it holds the parameters.
+/// A discrete-time model: a controller, or a signal source. The struct that implements this trait holds the parameters.
 ///
 /// Sample n is due at start + n * `sample_time`. It reads the inputs that were set before the step; its outputs are
-/// held until the next sample. Without a field `sample_time`, the parameter is added and starts with `step_size`.
+/// held until the next sample. If the struct has no field `sample_time`, a parameter with this name is added; its start
+/// value is `step_size`.
 pub trait Discrete: Parameters {
     /// Metadata of the model.
     const INFO: Info;
@@ -232,17 +238,18 @@ pub trait Discrete: Parameters {
     /// Derived parameters.
     type Derived: Derived;
 
-    /// `Some` makes the model a source: its outputs are those of [`Self::start`] from Initialization Mode on.
+    /// `Some(influence)` makes the model a source: from Initialization Mode until the first sample, [`Self::start`]
+    /// computes its outputs. `influence` returns `true` if an output depends on a parameter.
     const SOURCE: Option<Influence> = None;
-    /// Takes the names of an output and an input. Returns `true` if the output in [`Self::start`] depends on the input.
-    /// Tools read this from the model structure.
+    /// Takes the names of an output and an input. Returns `true` if the value of the output from [`Self::start`]
+    /// depends on the input. Tools find this dependency in the model structure.
     const FOLLOWS: Influence = |_, _| false;
 
-    /// Computes the derived parameters. Called again after a tunable parameter has changed. An error is a sentence with
-    /// the parameter's name, its value and the rule.
+    /// Computes the derived parameters. Called again after a tunable parameter has changed. The error is a sentence
+    /// that contains the parameter's name, its value and the rule that it breaks.
     fn derived(&self) -> Result<Self::Derived, String>;
-    /// Outputs of a source until its first sample. The default returns the outputs of the first sample, without
-    /// changing the state of the run. If the outputs depend on inputs, declare the inputs in [`Self::FOLLOWS`].
+    /// Outputs of a source until its first sample. The default implementation returns the outputs of the first sample,
+    /// without changing the state of the run. If the outputs depend on inputs, declare the inputs in [`Self::FOLLOWS`].
     fn start(&self, time: f64, derived: &Self::Derived, inputs: &Self::Inputs) -> Self::Outputs {
         let state = &mut self.initial_state(derived);
         self.update(Sample { time, state, inputs, derived })
@@ -260,7 +267,7 @@ pub trait Discrete: Parameters {
         Self::State::default()
     }
     /// Checks a sample before it is taken. A model that cannot process every finite input rejects the step here, with a
-    /// sentence that contains the input's name, its value and the rule.
+    /// sentence that contains the input's name, its value and the rule that it breaks.
     fn check(&self, _sample: &Sample<'_, Self>) -> Result<(), String> {
         Ok(())
     }
@@ -268,7 +275,8 @@ pub trait Discrete: Parameters {
     fn update(&self, sample: Sample<'_, Self>) -> Self::Outputs;
 }
 
-/// A stateful model: an existing simulation that advances itself. The struct that implements it holds the parameters.
+/// A stateful model: an existing simulation that advances itself. The struct that implements this trait holds the
+/// parameters.
 ///
 /// The simulation must implement `Clone`: the exporter clones it to save and restore its state.
 pub trait Stateful: Parameters {
@@ -284,11 +292,11 @@ pub trait Stateful: Parameters {
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
     /// Creates the simulation; `resources` is the resources folder of the FMU. Changes to tunable parameters after the
-    /// start reach only [`Self::step`] and [`Self::outputs`]. An error names the parameter, its
-    /// value, and the rule that it breaks.
+    /// start reach only [`Self::step`] and [`Self::outputs`]. The error is a sentence that contains the parameter's
+    /// name, its value and the rule that it breaks.
     fn start(&self, resources: &Path) -> Result<Self::Simulation, String>;
-    /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs. An error is the reason
-    /// why it cannot continue; the instance must then be reset or restored from a saved state.
+    /// Advances the simulation from `time` to `time + step`, both in s, with constant inputs. The error is the reason
+    /// why the simulation cannot continue; the instance must then be reset or restored from a saved state.
     fn step(
         &self,
         simulation: &mut Self::Simulation,

@@ -1,4 +1,4 @@
-//! Numeric types of variables apart from `f64`. A value is stored in a word of 64 bits.
+//! Numeric types of variables other than `f64`. A value is stored in a word of 64 bits.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;

@@ -1,4 +1,5 @@
-//! Relations: the comparisons in [`Scalar::if_greater`], whose changes are events in model exchange.
+//! Relations: the comparisons in [`Scalar::if_greater`]. In model exchange, a change of a relation's result is an
+//! event.
 //!
 //! A relation's side is the branch that it selects. Between two events a relation keeps its side, whatever the values
 //! are (FMI 2.0, section 3.1.1); the importer's solver therefore sees smooth equations. The sign of the event indicator
@@ -14,8 +15,8 @@ use crate::discrete_state::{Word, Words};
 use crate::scalar::{Scalar, assign_and_sum};
 use crate::table::Table;
 
-/// Magnitude of an indicator where the operands of its relation are equal. The event occurs this far beyond the
-/// equality, so that rounding errors at an event do not cause a second one.
+/// Magnitude of an indicator where the operands of its relation are equal. The event occurs this far beyond the point
+/// of equality, so that rounding errors at an event do not cause a second event.
 const BAND: f64 = 1e-9;
 
 /// Minimum scale relative to the greater operand, whose rounding errors are then far below [`BAND`] times the scale.
@@ -52,7 +53,7 @@ fn swap(relations: &mut Relations) {
     IN_USE.with_borrow_mut(|in_use| std::mem::swap(&mut **in_use, relations));
 }
 
-/// Relations in use by the equations of this thread until the loan is dropped, even after a panic.
+/// Lends relations to the equations of this thread. They are returned when the loan is dropped, even after a panic.
 struct Loan<'a>(&'a mut Relations);
 
 impl Drop for Loan<'_> {

@@ -38,7 +38,7 @@ pub enum Kind {
 /// Maximum number of integration steps or samples in one communication step.
 pub const MOST_PARTS: f64 = 1e6;
 
-/// Time interval of a step: `[time, time + step)`, sample 0 at `start`.
+/// Time interval of a step: `[time, time + step)`. Sample 0 is due at `start`.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
     /// Start of the experiment in s.
@@ -64,7 +64,7 @@ pub struct Update {
     pub next_event_time: Option<f64>,
 }
 
-/// What the functions of a model read in addition to the values and the state of the run.
+/// Data that the functions of a model read in addition to the values and the state of the run.
 pub struct Context<'a, M: Model> {
     /// Parameters.
     pub p: &'a M::Parameters,
@@ -163,7 +163,7 @@ pub trait Model: Sized + 'static {
     fn modes() -> Modes {
         Modes::default()
     }
-    /// The state of the run with values in [`Self::modes`], chosen by index. `None` if they exclude each other.
+    /// The state of the run with values in [`Self::modes`], chosen by index. `None` if the values exclude each other.
     fn with_mode(run: Self::RunnerState, _modes: &Modes, _numbers: &[Option<usize>]) -> Option<Self::RunnerState> {
         Some(run)
     }

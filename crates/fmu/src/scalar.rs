@@ -7,7 +7,8 @@
 //! [`Scalar`] has no comparison operators, because a branch on a value would hide the other branch from `Dependencies`.
 //! Use [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. You can branch
 //! on a Boolean, an enumeration or a bounded Integer, because the model structure is the union over all their values.
-//! [`Scalar::value`] returns a plain number that can be compared; then everything depends on everything.
+//! [`Scalar::value`] returns a plain number that can be compared. The model structure then declares that everything
+//! depends on everything.
 //!
 //! In operations with a plain number, the `T` is on the left: `x * 2.0`, `-x + 1.0`; or write `T::from(1.0) - x`.
 
@@ -261,7 +262,8 @@ macro_rules! forward {
 }
 
 impl Scalar for f64 {
-    // The results of the standard library differ between platforms in the last digits.
+    // Functions from `fmu-math`, because the results of the standard library differ between platforms in the last
+    // digits.
     forward!(math: sin() sin, cos() cos, tan() tan, asin() asin, acos() acos, atan() atan, atan2(x: Self) atan2);
     forward!(math: sinh() sinh, cosh() cosh, tanh() tanh, exp() exp, ln() ln, powf(exponent: f64) pow);
     forward!(math: powi(exponent: i32) powi, hypot(other: Self) hypot);

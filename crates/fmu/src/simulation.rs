@@ -9,10 +9,11 @@ use crate::store::{Counts, ValueStore};
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::Variables as _;
 
-/// Without model exchange.
+/// Runs the model without the data for model exchange.
 type Runner<M> = ContinuousModel<M, false>;
 
-/// A run of a continuous-time model, with the FMU's solver and bit-identical results.
+/// A run of a continuous-time model. It uses the same solver as the FMU, and its results are bit-identical to those of
+/// the FMU.
 ///
 /// ```
 /// use fmu::prelude::*;
@@ -166,8 +167,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         M::Outputs::read(values.view(), ctx.layout.outputs.at)
     }
 
-    /// Advances by `step` in s, with constant inputs. Fails if a state is not finite, the solver cannot keep its
-    /// tolerance, or there are too many events.
+    /// Advances the time by `step` in s, with constant inputs. Fails if a state is not finite, if the solver cannot
+    /// meet its tolerance, or if there are too many events.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
@@ -213,7 +214,7 @@ impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
 }
 
 impl<M: Discrete> DiscreteSimulation<M> {
-    /// Starts before the first sample, which is due at time 0, like [`ContinuousSimulation::new`].
+    /// Like [`ContinuousSimulation::new`]. The first sample is due at time 0 and has not been taken yet.
     pub fn new(model: M) -> Result<Self, String> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }

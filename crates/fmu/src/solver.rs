@@ -198,7 +198,7 @@ pub(crate) trait Keep<M: Continuous> {
     ) -> Option<Self::State>;
     /// [`ode::error_norm`] of the error in `scratch`.
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64;
-    /// Takes back the memory of a state.
+    /// Takes back the memory of a state for later use.
     fn recycle(_x: Self::State, _scratch: &mut Scratch) {}
 }
 

@@ -47,7 +47,7 @@ impl Table {
         Self::new(rows.into_iter().map(|(_, x, y)| (x, y))).map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Hash of the points for `fingerprint` of the model, the same on every platform.
+    /// Hash of the points, for the function `fingerprint` of a model. It is the same on every platform.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         // FNV-1a over the bytes of all numbers.

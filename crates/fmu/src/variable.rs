@@ -54,9 +54,9 @@ pub enum Kind {
         size: Size,
         /// Start value.
         start: i128,
-        /// Least value; that of the type if there is none.
+        /// Least value; if none is declared, the least value of the type.
         min: i128,
-        /// Greatest value; that of the type if there is none.
+        /// Greatest value; if none is declared, the greatest value of the type.
         max: i128,
         /// Name of the type of an enumeration; empty for a plain number.
         type_name: &'static str,
@@ -305,7 +305,8 @@ impl Layout {
         (agree && is_whole && is_connected && is_free).then_some((of, elements))
     }
 
-    /// For each value reference, the reference of the first element of its array, or the same outside of arrays.
+    /// For each value reference, the reference of the first element of its array; outside of arrays, the reference
+    /// itself.
     pub(crate) fn representatives(&self) -> Vec<u32> {
         let mut first: Vec<u32> = (0..self.end).collect();
         for variable in &self.variables {
@@ -457,7 +458,7 @@ impl Kind {
             Self::Float32(_) => f32::of(word).is_finite(),
             Self::Integer { size, items, .. } => {
                 let value = size.value(word);
-                // The word can be that of a number of another size, which this size does not contain.
+                // The word may contain a number of another size, which a number of this size cannot represent.
                 value as u64 == word && (items.is_empty() || items.iter().any(|item| i128::from(item.value) == value))
             }
             _ => false,

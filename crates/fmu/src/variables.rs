@@ -430,7 +430,7 @@ pub trait ContinuousState<T: Scalar>: Variables<T> {
     note = "add `#[derive(Parameters)]`; a model without parameters is a struct without fields"
 )]
 pub trait Parameters: Variables<f64> + Default + Send + 'static {
-    /// The fields of the struct, each with the numbers of its variables.
+    /// The fields of the struct, each with the number of its values of each type.
     #[doc(hidden)]
     const FIELDS: &'static [(&'static str, Counts)] = &[];
 }
@@ -461,7 +461,8 @@ impl<T: Scalar> ContinuousState<T> for () {
 
 impl Derived for () {}
 
-/// The names in a struct of variables. Without a derive, which is reported elsewhere, there are none ([`NoNames`]).
+/// The names in a struct of variables. A type without the derive has none ([`NoNames`]); the missing derive is reported
+/// elsewhere.
 pub struct NamesOf<V>(PhantomData<V>);
 
 impl<V: Variables<f64>> NamesOf<V> {

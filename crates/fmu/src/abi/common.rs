@@ -24,7 +24,7 @@ pub(super) unsafe fn create<E: Export>(
     make: impl FnOnce() -> Result<Instance<E::Model>, String>,
 ) -> Component {
     let run = AssertUnwindSafe(|| {
-        // SAFETY: a string of the caller.
+        // SAFETY: a string from the caller.
         let name = unsafe { text(name) }.map_err(|e| format!("instanceName is {e}"))?;
         log.name = CString::new(name).expect("a C string has no inner zeros");
         if name.is_empty() {
@@ -55,7 +55,7 @@ pub(super) unsafe fn create<E: Export>(
 
 /// Rejects a GUID or instantiation token that is not the FMU's.
 pub(super) unsafe fn check_guid<E: Export>(name: &str, guid: *const c_char) -> Result<(), String> {
-    // SAFETY: a string of the caller.
+    // SAFETY: a string from the caller.
     let guid = unsafe { text(guid) }.map_err(|e| format!("{name} is {e}"))?;
     let expected = &E::description().guid;
     if guid == expected {

@@ -1,15 +1,17 @@
 //! The floating-point environment in which an FMU computes.
 //!
 //! A host can unmask exceptions (as Delphi and gfortran's `-ffpe-trap` do), choose another rounding mode, or flush
-//! subnormal numbers to zero. Unmasked exceptions would end the host, another rounding mode would change the results.
-//! Calls that compute therefore run in the default environment of IEEE 754 and restore the caller's.
+//! subnormal numbers to zero. Unmasked exceptions would terminate the host; another rounding mode would change the
+//! results. Calls that compute therefore run in the default environment of IEEE 754 and then restore the caller's
+//! environment.
 
 use control::{DEFAULT, FLAGS, Register, read, write};
 
 /// Sets the default environment, until [`leave`]. Returns the caller's environment if it is not the default.
 ///
-/// The compiler does not know about the environment. It cannot move operations on values read from memory across the
-/// assembly in [`control`]; pass numbers in registers through [`argument`].
+/// The compiler does not know that operations depend on the environment. It cannot move operations on values that are
+/// read from memory across the assembly in [`control`], but it could move operations on numbers in registers: pass
+/// these numbers through [`argument`].
 #[inline(always)]
 pub(super) fn enter() -> Option<Register> {
     let callers = read();
@@ -68,7 +70,7 @@ mod control {
     }
 
     pub(super) fn write(mxcsr: Register) {
-        // SAFETY: the default, or what the caller's register held.
+        // SAFETY: writes the default, or the value that the caller's register had.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const mxcsr, options(nostack, preserves_flags)) };
     }
 }
@@ -91,7 +93,7 @@ mod control {
     }
 
     pub(super) fn write(fpcr: Register) {
-        // SAFETY: zeros, or what the caller's register held.
+        // SAFETY: writes zeros, or the value that the caller's register had.
         unsafe { asm!("msr fpcr, {}", in(reg) fpcr, options(nostack, preserves_flags)) };
     }
 }

@@ -35,7 +35,7 @@ pub struct Callbacks {
     pub allocate_memory: Option<unsafe extern "C" fn(size_t, size_t) -> *mut c_void>,
     /// Not used.
     pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Not used: no step runs on after the call.
+    /// Not used, because every step is complete when fmi2DoStep returns.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
     /// Passed back to the logger.
     pub environment: *mut c_void,
@@ -51,7 +51,7 @@ pub fn version() -> *const c_char {
     c"2.0".as_ptr()
 }
 
-/// Path in a `file:` URI, with percent-encoded bytes decoded. Any other text is a path already.
+/// Path in a `file:` URI, with percent-encoded bytes decoded. Any other text is taken as a path.
 fn resources_path(uri: &str) -> PathBuf {
     let path = uri.strip_prefix("file:").map_or(uri, |rest| {
         let rest = rest.strip_prefix("//").unwrap_or(rest);
@@ -80,7 +80,7 @@ fn interface_of<E: Export>(fmu_type: c_int) -> Result<Interface, String> {
     })
 }
 
-/// fmi2Instantiate. A null pointer means that the reason was logged, if there was a logger.
+/// fmi2Instantiate. If it fails, logs the reason (if there is a logger) and returns a null pointer.
 pub unsafe fn instantiate<E: Export>(
     name: *const c_char,
     fmu_type: c_int,
@@ -97,7 +97,7 @@ pub unsafe fn instantiate<E: Export>(
     let callbacks = unsafe { *callbacks };
     let logger = callbacks.logger.map(|logger| AnyLogger::Fmi2(logger, callbacks.environment));
     let log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
-    // SAFETY: strings of the caller.
+    // SAFETY: strings from the caller.
     unsafe {
         common::create::<E>("fmi2Instantiate", log, name, || {
             let interface = interface_of::<E>(fmu_type)?;
@@ -167,14 +167,15 @@ functions! {
         )
     }
 
-    /// fmi2SetRealInputDerivatives: inputs are held over a step, as the capability flags declare.
+    /// fmi2SetRealInputDerivatives: not supported, because inputs are constant during a step. The capability flags
+    /// declare this.
     fn set_real_input_derivatives[SetRealInputDerivatives](
         _, call, _references: *const ValueReference, _count: size_t, _orders: *const c_int, _values: *const f64
     ) {
         Err(call.error(NOT_SUPPORTED))
     }
 
-    /// fmi2GetRealOutputDerivatives: outputs have no known slope, as the capability flags declare.
+    /// fmi2GetRealOutputDerivatives: not supported, as the capability flags declare.
     fn get_real_output_derivatives[GetRealOutputDerivatives](
         _, call, _references: *const ValueReference, _count: size_t, _orders: *const c_int, _values: *mut f64
     ) {
@@ -185,10 +186,10 @@ functions! {
         h.instance.do_step(argument(time), argument(step))
     }
 
-    /// fmi2CancelStep: a step is over when fmi2DoStep returns.
+    /// fmi2CancelStep: always an error, because every step is complete when fmi2DoStep returns.
     fn cancel_step[CancelStep](_, call) { Err(call.error("no step is pending")) }
 
-    /// fmi2GetStatus: no step is ever pending.
+    /// fmi2GetStatus: returns fmi2Discard, because no step is ever pending.
     fn get_status[GetStatus](_, call, kind: c_int, _value: *mut c_int) { call.no_status(kind) }
 
     /// fmi2GetRealStatus: returns fmi2LastSuccessfulTime.
@@ -200,7 +201,7 @@ functions! {
         Ok(())
     }
 
-    /// fmi2GetIntegerStatus: the standard defines no status of this type.
+    /// fmi2GetIntegerStatus: returns fmi2Discard, because the standard defines no status of this type.
     fn get_integer_status[GetIntegerStatus](_, call, kind: c_int, _value: *mut c_int) { call.no_status(kind) }
 
     /// fmi2GetBooleanStatus: returns fmi2Terminated; the FMU never requests the end of the simulation.
@@ -212,7 +213,7 @@ functions! {
         Ok(())
     }
 
-    /// fmi2GetStringStatus: no step is ever pending.
+    /// fmi2GetStringStatus: returns fmi2Discard, because no step is ever pending.
     fn get_string_status[GetStringStatus](_, call, kind: c_int, _value: *mut *const c_char) { call.no_status(kind) }
 
     fn new_discrete_states[NewDiscreteStates](h, call, info: *mut EventInfo) {

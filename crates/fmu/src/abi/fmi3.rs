@@ -1,4 +1,5 @@
-//! The functions of FMI 3.0. All must be exported; those for missing interfaces and types return errors.
+//! The functions of FMI 3.0. A library must export all of them; functions for missing interfaces and types return
+//! errors.
 
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -68,7 +69,7 @@ unsafe fn instantiate<E: Export>(
 ) -> Component {
     let Arguments { name, token, resources, logging_on, .. } = arguments;
     let log = arguments.log(logging_on != 0);
-    // SAFETY: strings of the caller.
+    // SAFETY: strings from the caller.
     unsafe {
         common::create::<E>(function, log, name, || {
             if !common::provides::<E>(interface) {
@@ -90,12 +91,13 @@ unsafe fn instantiate<E: Export>(
     }
 }
 
-/// fmi3InstantiateModelExchange. A null pointer means that the reason was logged, if there was a logger.
+/// fmi3InstantiateModelExchange. If it fails, logs the reason (if there is a logger) and returns a null pointer.
 pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Component {
     unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
 }
 
-/// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. Without early return, steps handle events.
+/// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. With both `event_mode` and `early_return`, a
+/// step ends at the first event, which the importer then handles; otherwise, the step itself handles its events.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
@@ -117,7 +119,7 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
     component
 }
 
-/// fmi3InstantiateScheduledExecution: not provided.
+/// fmi3InstantiateScheduledExecution: always fails, because scheduled execution is not supported.
 pub unsafe fn instantiate_scheduled_execution<E: Export>(arguments: Arguments) -> Component {
     let message = "this FMU does not provide scheduled execution";
     unsafe { arguments.reject::<E>("fmi3InstantiateScheduledExecution", message) }

@@ -1,4 +1,4 @@
-//! Reading and setting values, in both versions.
+//! Functions that read and set values, for both versions of FMI.
 
 use std::ffi::CStr;
 use std::marker::PhantomData;
@@ -103,7 +103,7 @@ fn each<M: Model, V>(
     }
 }
 
-/// Only in FMI 3.0.
+/// Used only in FMI 3.0.
 #[inline]
 pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f64>) -> Status {
     unsafe {
@@ -111,19 +111,19 @@ pub(super) unsafe fn get_real<E: Export>(component: Component, list: List<*mut f
     }
 }
 
-/// Only in FMI 3.0.
+/// Used only in FMI 3.0.
 #[inline]
 pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const f64>) -> Status {
     unsafe { set::<E, _>(component, Function::SetReal, list, |i, references, values| i.set_real(references, values)) }
 }
 
-/// In FMI 2.0.
+/// Used only in FMI 2.0.
 pub(super) unsafe fn get_integer<E: Export>(component: Component, list: List<*mut c_int>) -> Status {
     let one = |instance: &mut Instance<E::Model>, reference| instance.get_integer(reference);
     unsafe { get::<E, _>(component, Function::GetInteger, list, each(one)) }
 }
 
-/// In FMI 3.0.
+/// Used only in FMI 3.0.
 pub(super) unsafe fn get_number<E: Export, V: Number>(
     component: Component,
     function: Function,
@@ -133,12 +133,12 @@ pub(super) unsafe fn get_number<E: Export, V: Number>(
     unsafe { get::<E, _>(component, function, list, each(one)) }
 }
 
-/// In FMI 2.0.
+/// Used only in FMI 2.0.
 pub(super) unsafe fn set_integer<E: Export>(component: Component, list: List<*const c_int>) -> Status {
     unsafe { set_number::<E, c_int>(component, Function::SetInteger, list) }
 }
 
-/// In both versions.
+/// Used in both versions of FMI.
 pub(super) unsafe fn set_number<E: Export, V: Number>(
     component: Component,
     function: Function,

@@ -177,7 +177,7 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
     })
 }
 
-/// Side of the icon in the coordinates of terminalsAndIcons.xml.
+/// Length of each side of the icon in the coordinates of terminalsAndIcons.xml.
 const SIDE: &str = "100.0";
 
 pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<u8>> {

@@ -15,9 +15,10 @@ use crate::variables::Parameters;
 pub(super) struct Structure {
     /// Dependencies of the real outputs, then of the derivatives, on real inputs, states and time.
     dependencies: Vec<DependencySet>,
-    /// Dependencies of the outputs, then of the derivatives, on inputs of other types, by their positions among these.
+    /// Dependencies of the outputs, then of the derivatives, on inputs that are not real. An input is given by its
+    /// position among these inputs.
     on_others: Vec<DependencySet>,
-    /// True if outputs of other types may depend on real variables.
+    /// True if outputs that are not real may depend on real variables.
     is_inspected: bool,
     /// Number of relations; the maximum over the combinations of values.
     pub(super) relations: usize,
@@ -30,12 +31,13 @@ pub(super) struct Structure {
 ///
 /// An unknown depends on a Boolean or Integer input if changing the input changes the unknown's expression. This is
 /// tested with the start values of the real parameters and with other values, because the input may select between two
-/// parameters with equal start values. Strings and Integers without limits have too many values to try; such parameters
-/// are ignored if only `load` and `derived` read them, whose results are constants in the equations.
+/// parameters with equal start values. Strings and Integers without limits have too many values to try. Parameters of
+/// these types are ignored if only `load` and `derived` read them, because the results of these functions are constants
+/// in the equations.
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
-    // The last one is the time.
+    // The last known variable is the time.
     let known = layout.inputs.counts.reals + layout.states.counts.reals + 1;
     let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
     let others: Vec<_> = other_inputs(layout).collect();
@@ -117,7 +119,8 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                     found = all;
                 }
             }
-            // A combination without derived parameters cannot be simulated, so it adds nothing.
+            // If the derived parameters cannot be computed for a combination, it cannot be simulated and adds no
+            // dependencies.
             Err(message) => failure = failure.or(Some(message)),
         }
         expressions.push(found);
@@ -191,7 +194,8 @@ fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
     layout.variables.iter().filter(is_other)
 }
 
-/// The note that a String, or an Integer without limits, adds too many dependencies, if the equations may read it.
+/// Returns a note if the equations may read a String, or an Integer without limits, and the variable therefore adds too
+/// many dependencies.
 fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
     let name = &variable.declaration.name;
     let is_integer = matches!(variable.declaration.kind, Kind::Integer { .. });
@@ -232,9 +236,9 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
 
 pub(super) struct Unknown<'a> {
     pub(super) variable: &'a Variable,
-    /// Ordered as in the model description.
+    /// The variables on which the unknown depends, ordered as in the model description.
     pub(super) dependencies: Vec<&'a Variable>,
-    /// True if it depends on the time.
+    /// True if the unknown depends on the time.
     pub(super) on_time: bool,
 }
 
@@ -248,7 +252,7 @@ impl<'a> Unknowns<'a> {
     pub(super) fn of<M: Model>(layout: &'a Layout, structure: &Structure) -> Self {
         let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
         let is_real = |variable: &&Variable| matches!(variable.declaration.kind, Kind::Real(_));
-        // Known variables, ordered by their numbers in the sets.
+        // Known variables, ordered by their numbers in the dependency sets.
         let known: Vec<_> = with_role(Role::Input).filter(is_real).chain(with_role(Role::State)).collect();
         let others: Vec<_> = other_inputs(layout).collect();
         // The position of each output and derivative in `on_others`, by its index in the model structure.
@@ -272,7 +276,7 @@ impl<'a> Unknowns<'a> {
                     &structure.dependencies[index]
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
-                // Discrete-time and stateful models hold their outputs.
+                // Discrete-time and stateful models hold their outputs between steps, so these have no dependencies.
                 _ => return Unknown { variable, dependencies: Vec::new(), on_time: false },
             };
             let number = numbers[layout.structure_index(variable.reference)];
@@ -284,7 +288,8 @@ impl<'a> Unknowns<'a> {
             Unknown { variable, dependencies: sorted(all), on_time: set.contains(known.len()) }
         };
         let is_output = |v: &&Variable| v.role == Role::Output || (v.role == Role::State && !v.declaration.local);
-        // At the start, unknowns may also depend on any parameter; outputs of a source only on those that it declares.
+        // At the start, unknowns may also depend on any parameter. Outputs of a source depend only on the parameters
+        // that the source declares.
         let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
             (Role::Output, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
             _ => true,

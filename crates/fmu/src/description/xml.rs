@@ -1,4 +1,4 @@
-//! Common parts of the descriptions of both versions.
+//! Common parts of the model descriptions in both versions of FMI.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -83,7 +83,8 @@ pub(super) fn facts(version: &str, guid: &'static str, info: &Info, layout: &Lay
 }
 
 /// In a `structured` name, a dot separates a component from its parent. This is true for names in this crate's
-/// convention, lower snake case. In other names a dot may be an ordinary character, so these are `flat`.
+/// convention, lower snake case. In other names a dot may be an ordinary character, so these names are declared as
+/// `flat`.
 fn naming_convention(layout: &Layout) -> &'static str {
     let is_structured = |variable: &Variable| is_structured(&variable.declaration.name);
     if layout.variables.iter().all(is_structured) { "structured" } else { "flat" }
@@ -110,7 +111,7 @@ pub(super) fn is_xml(c: char) -> bool {
 /// Writes line breaks and tabs in attributes as character references, because a parser turns literal ones into spaces.
 pub(super) fn with_references(xml: &str) -> String {
     let mut result = String::with_capacity(xml.len());
-    // Attribute values are in double quotes. Quotes occur nowhere else, because those in texts are escaped.
+    // Attribute values are in double quotes. Quotes occur nowhere else, because quotes inside texts are escaped.
     let mut is_value = false;
     for c in xml.chars() {
         is_value ^= c == '"';
@@ -257,7 +258,8 @@ pub(super) fn start(variable: &Variable) -> String {
     }
 }
 
-/// Type name of an enumeration. If variables use it as an Integer and as an FMI Enumeration, it has two types.
+/// Type name of an enumeration. If some variables use it as an Integer and others as an FMI Enumeration, there are two
+/// types.
 pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> String {
     let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
     let is_both = is_enumeration && layout.variables.iter().any(is_integer);

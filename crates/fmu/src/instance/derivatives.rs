@@ -29,7 +29,7 @@ impl Unknown {
 impl<M: Model> Instance<M> {
     /// fmi2GetDirectionalDerivative. Fails if the model is not continuous-time, if an unknown is not a real output or
     /// state derivative, if a known variable is not a real input or state, or if a seed is not finite. Returns
-    /// fmi2Discard if a derivative is not finite, like that of the square root at 0.
+    /// fmi2Discard if a derivative is not finite, such as the derivative of the square root at 0.
     pub fn directional_derivative(
         &mut self,
         unknown: &[u32],
@@ -69,7 +69,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetAdjointDerivative: the transposed matrix times the seed. Fails like [`Self::directional_derivative`].
+    /// fmi3GetAdjointDerivative: the transposed Jacobian times the seed. Fails like [`Self::directional_derivative`].
     pub fn adjoint_derivative(
         &mut self,
         unknown: &[u32],
@@ -117,8 +117,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Dependencies of each unknown on the known variables, by their positions in `knowns`. For a few known variables,
-    /// which are quickly evaluated one by one, all dependencies are assumed.
+    /// Dependencies of each unknown on the known variables, by their positions in `knowns`. If there are only a few
+    /// known variables, assumes that every unknown depends on all of them, because evaluating them one by one is fast.
     fn structure(&mut self, unknowns: &[Unknown], knowns: &[usize]) -> CallResult<Structure> {
         const FEW: usize = 16;
         let mut rows = Structure::default();

@@ -20,8 +20,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2NewDiscreteStates: handles all events at the present time in one call. If a number is not finite, the model
-    /// rejects the event, or there are too many events, fails and changes nothing.
+    /// fmi2NewDiscreteStates: handles all events at the present time in one call. Fails, without changing anything, if
+    /// a number is not finite, if the model rejects the event, or if there are too many events.
     pub fn new_discrete_states(&mut self) -> CallResult<Update> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
@@ -33,7 +33,8 @@ impl<M: Model> Instance<M> {
         result.map_err(|error| self.error(function, error))
     }
 
-    /// fmi2EnterContinuousTimeMode: until the next event, relations keep their sides and discrete outputs their values.
+    /// fmi2EnterContinuousTimeMode. From now until the next event, relations keep their sides, and discrete outputs
+    /// keep their values.
     pub fn enter_continuous_time_mode(&mut self) -> CallResult {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
@@ -45,7 +46,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2SetTime; also after the stop time. Fails if the time is not finite or before the start.
+    /// fmi2SetTime. The time may be after the stop time. Fails if the time is not finite or is before the start.
     pub fn set_time(&mut self, time: f64) -> CallResult {
         let function = Function::SetTime;
         self.check(function)?;
@@ -62,7 +63,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// fmi2SetContinuousStates. Fails if the number of states is wrong. Returns fmi2Discard for a state that is not
-    /// finite: a solver may try one, and can then shorten its step.
+    /// finite: a solver may try such a state and then shorten its step.
     pub fn set_continuous_states(&mut self, states: &[f64]) -> CallResult {
         let function = Function::SetContinuousStates;
         let range = self.range(function, self.layout().states, states)?;
@@ -78,7 +79,7 @@ impl<M: Model> Instance<M> {
     /// fmi2GetContinuousStates. Fails if the number of states is wrong or the parameters are inconsistent.
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetContinuousStates, self.layout().states, states)?;
-        // States may follow from the parameters.
+        // The start values of states may follow from the parameters.
         self.derive()?;
         states.copy_from_slice(&self.values.reals[range]);
         Ok(())
@@ -105,7 +106,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2GetEventIndicators. Fails if the number of indicators is wrong. Returns fmi2Discard if one is not finite.
+    /// fmi2GetEventIndicators. Fails if the number of indicators is wrong. Returns fmi2Discard if an indicator is not
+    /// finite.
     pub fn event_indicators(&mut self, indicators: &mut [f64]) -> CallResult {
         let function = Function::GetEventIndicators;
         self.check(function)?;
@@ -122,7 +124,7 @@ impl<M: Model> Instance<M> {
         if is_frozen {
             M::event_indicators(ctx, run, values, indicators);
         } else {
-            // In a copy, because reading must not change the state.
+            // Uses a copy, because reading must not change the state.
             let mut run = run.clone();
             M::freeze_relations(ctx, &mut run, values);
             M::event_indicators(ctx, &mut run, values, indicators);

@@ -214,7 +214,7 @@ pub(crate) fn read<M: Model>(
         if M::fingerprint(&derived) != fingerprint {
             return Err("a file that the model read before the state was saved has changed since".to_owned());
         }
-        // In place, because the state of a model can be too large for a thread's stack.
+        // The state is restored in place, because the state of a model can be too large for a thread's stack.
         let Snapshot { values, clock, run, .. } = &mut snapshot;
         derived.write(&mut values.view_mut(), layout.derived.at);
         if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {

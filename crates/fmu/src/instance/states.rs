@@ -5,7 +5,7 @@ use crate::calls::Function;
 use crate::runner::Model;
 
 impl<M: Model> Instance<M> {
-    /// fmi2GetFMUstate: a copy of everything.
+    /// fmi2GetFMUstate: a copy of the complete state.
     pub fn snapshot(&self) -> CallResult<Snapshot<M>> {
         self.check(Function::GetFMUstate)?;
         Ok(Snapshot {
@@ -33,7 +33,8 @@ impl<M: Model> Instance<M> {
             && !self.is_before_start()
             && let Some(run) = &mut self.run
         {
-            // The instance that saved the state may have handled events inside its steps.
+            // The instance that saved the state may have handled events inside its steps. In this instance, the
+            // importer handles them.
             M::init_events(run, &self.description.layout, self.clock.time);
         }
         self.parameters = M::parameters(&self.values);

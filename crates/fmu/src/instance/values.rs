@@ -23,12 +23,12 @@ fn type_of(function: Function, version: Version) -> &'static str {
     if name.ends_with("Int64") && !name.ends_with("UInt64") { "Int64 or Enumeration" } else { &name["fmi2Set".len()..] }
 }
 
-/// Validates a number: it must be a value of the type, and for a parameter, within the limits. The limits of an input
+/// Validates a number: it must be a value of the type and, for a parameter, within the limits. The limits of an input
 /// are only information for importers.
 fn word_rule<V: Number>(Variable { role, declaration, .. }: &Variable, value: V) -> Result<(), String> {
     let kind = &declaration.kind;
     let word = value.word();
-    // In FMI 2.0, an Integer of the importer may have a value that the type does not have, such as -1 for `u64`.
+    // In FMI 2.0, the importer may pass an Integer that is not a value of the type, such as -1 for `u64`.
     let is_same = match (kind, V::SIZE) {
         (Kind::Integer { size, .. }, Some(given)) => size.value(word) == given.value(word),
         _ => true,
@@ -128,7 +128,7 @@ impl<M: Model> Instance<M> {
     /// fmi3GetFloat64, which can also read the time and event indicators. Fails like [`Self::get_real`].
     pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
-        // Fast path without time and event indicators, which have the greatest references.
+        // Fast path if neither the time nor an event indicator is requested: these have the greatest references.
         if references.iter().fold(0, |last, &reference| last.max(reference)) < time {
             return self.get_real(references, values);
         }
@@ -171,7 +171,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Index of the word of a number. In FMI 3.0, each function is for one type.
+    /// Index of the word that stores a number. In FMI 3.0, each function accepts variables of one type only.
     fn number<V: Number>(&self, function: Function, reference: u32) -> CallResult<usize> {
         self.other(function, reference, |kind| match (kind, V::SIZE) {
             (Kind::Float32(_), size) => size.is_none(),
@@ -300,7 +300,7 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("'{name}' is {what}, {when}; the instance is in {mode}")))
     }
 
-    /// Updates the parameters after one has changed, fixed or tunable.
+    /// Updates the parameters after a fixed or tunable parameter has changed.
     pub(super) fn parameters_changed(&mut self) {
         self.parameters = M::parameters(&self.values);
         self.derived_are_old = true;

@@ -29,7 +29,8 @@ use crate::variables::{Derived as _, Variables as _};
 /// Runs a [`Continuous`] model, with or without model exchange.
 pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
-/// Discrete state, solver and events. `clone` leaves the solver's memory empty; `clone_from` keeps the target's.
+/// State of a run: discrete state, solver and events. `clone` leaves the solver's working memory empty; `clone_from`
+/// keeps the working memory of the target.
 pub struct RunnerState<D> {
     discrete: D,
     /// Next step in s proposed by a solver with error control; 0 before the first step.
@@ -320,7 +321,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         exchange.relations.count()
     }
 
-    // First zero crossings, then time events, in the order of co-simulation.
+    // Handles first the zero crossings, then the time events, in the same order as co-simulation.
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
@@ -344,7 +345,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         let mut next = None;
         if M::HAS_TIME_EVENTS {
             let is_due = |next: f64| next <= time + slack(0.0, time);
-            // An importer may handle the announced event late. Otherwise, no event was due up to now.
+            // If the announced event is due now or was due earlier (an importer may handle it late), its time is not
+            // handled yet. Otherwise, no event was due up to now.
             if !is_due(exchange.announced) {
                 handled = handled.max(time);
             }

@@ -3,7 +3,7 @@
 use crate::combinations::MOST_VALUES;
 use crate::discrete_state::{DiscreteState, Word, Words};
 
-/// Numbers that no enumeration is expected to contain. A field that rejects one is a Boolean or an enumeration.
+/// Numbers that no enumeration is expected to contain. A field that rejects one of them is a Boolean or an enumeration.
 const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
 
 /// Booleans and enumerations in a discrete state: the position of each among the fields, and its values. Integers are
@@ -26,7 +26,7 @@ impl Modes {
         self.0.iter().map(|(_, values)| values.len())
     }
 
-    /// The discrete state with values chosen by index. `None` if they exclude each other.
+    /// The discrete state with values chosen by index. `None` if the values exclude each other.
     pub(super) fn with<D: DiscreteState + Clone>(&self, discrete: &D, numbers: &[Option<usize>]) -> Option<D> {
         let chosen = self.0.iter().zip(numbers).filter_map(|((at, values), number)| Some((*at, values[(*number)?])));
         with(discrete, words(discrete), &chosen.collect::<Vec<_>>())

@@ -116,7 +116,7 @@ fn bytes_pass_through_at_every_length() {
     }
 }
 
-/// Nothing is set unless all values are accepted.
+/// If one value is rejected, nothing is set.
 #[test]
 fn more_bytes_than_the_variable_has_are_an_error() {
     let instance = Instance::<Frames3>::co_simulation(false);

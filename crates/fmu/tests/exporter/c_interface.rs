@@ -1,4 +1,4 @@
-//! Calls the C functions like a master.
+//! Calls the C functions as a master does.
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
 use std::cell::RefCell;
@@ -13,7 +13,7 @@ use fmu::testing::calls::{Function, Version};
 use crate::allocations::live;
 use crate::models::{CartPair, Fragile, Sampler, reference};
 
-/// Message that the logger received.
+/// A message that the logger received.
 #[derive(Clone, Debug, PartialEq)]
 struct Message {
     instance: String,
@@ -93,7 +93,7 @@ impl<E: Export> C<E> {
         Self { component, messages, export: PhantomData }
     }
 
-    /// In Step Mode.
+    /// An instance in Step Mode.
     fn ready() -> Self {
         let fmu = Self::new(false);
         assert_eq!(fmu.initialize(), Status::Ok);
@@ -199,7 +199,7 @@ fn a_failed_instantiation_logs_the_reason() {
         )
     );
     assert_eq!(rejected(name, 1, guid, c"\xc3".as_ptr()), "fmi2Instantiate: fmuResourceLocation is not UTF-8");
-    // Without callbacks, or without a logger, nothing can be reported.
+    // Without callbacks or without a logger, the reason cannot be reported.
     let silent = Callbacks { logger: None, ..callbacks };
     // SAFETY: null callbacks are rejected; resources may be null.
     unsafe {
@@ -413,7 +413,7 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
         unsafe { fmi2::set_debug_logging::<Sampler>(fmu.component, c_int::from(on), names.len(), pointer) }
     };
     let kinds = |fmu: &C<Sampler>| {
-        // Two events, a request for information that does not exist, an error.
+        // Causes two events, a request for information that does not exist, and an error.
 
         // SAFETY: the component lives.
         unsafe { fmi2::reset::<Sampler>(fmu.component) };
@@ -618,7 +618,7 @@ fn a_passed_state_is_overwritten() {
         assert_eq!(fmi2::get_fmu_state::<Sampler>(fmu.component, &mut same), Status::Ok);
         assert_eq!(same, state);
         assert_ne!(fmu.bytes(state), first);
-        // Also with bytes.
+        // Deserializing bytes also overwrites the state.
         let status = fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len(), &mut same);
         assert_eq!((status, same), (Status::Ok, state));
         assert_eq!(fmu.bytes(state), first);

@@ -1,5 +1,5 @@
-//! Comparisons that are allowed in equations: of values that do not have the number type of the equations. Reference:
-//! the same comparisons outside of a model.
+//! Equations may compare values that do not have the number type of the equations. Reference: the same comparisons
+//! outside of a model.
 
 use fmu::prelude::*;
 use fmu::simulation::ContinuousSimulation;
@@ -96,6 +96,6 @@ fn parameters_integers_and_texts_are_compared_as_anywhere() {
     assert_eq!(run.outputs(&U { u: 0.0, number: 1 }).count, 18.0);
     let model = Comparing { limit: 0.0, law: Law::Off, order: 0, text: "a".to_owned(), gains: [0.0; 3] };
     let mut run = ContinuousSimulation::new(model).unwrap();
-    // The comparisons of counter, constant and array, and 0 >= 0 - 1, are true for all parameters.
+    // Only four comparisons still hold: those of the counter, the constant and the array length, and 0 >= 0 - 1.
     assert_eq!(run.outputs(&U { u: 0.0, number: 0 }).count, 4.0);
 }

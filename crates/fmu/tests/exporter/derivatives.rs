@@ -51,7 +51,7 @@ fn derivatives_of_the_linear_carts_are_the_matrices_of_the_textbook() {
 
 #[test]
 fn derivatives_agree_with_central_differences() {
-    // Before the end of initialization, so that the states can be set.
+    // The instance is in Initialization Mode, so that the states can be set.
     let mut fmu = Fmu::<CartPair>::initializing(0.0);
     fmu.set_integer("spring.law", 2).unwrap();
     let knowns = with_role(&[Role::Input, Role::State]);
@@ -67,7 +67,8 @@ fn derivatives_agree_with_central_differences() {
         fmu.0.get_real(&unknowns, &mut results).unwrap();
         results
     };
-    // With a step of 1e-5, the error is about 1e-10, from third derivatives and rounding of numbers up to 100.
+    // With a step of 1e-5, the error of a difference quotient is about 1e-10. It comes from third derivatives, and from
+    // the rounding of numbers up to 100.
     let step = 1e-5;
     let mut differences = Vec::new();
     for i in 0..knowns.len() {
@@ -152,7 +153,7 @@ fn impossible_derivatives_are_rejected() {
 
 #[test]
 fn dependencies_hold_for_every_value_of_every_parameter() {
-    // Dependencies read off the equations, for both laws, with and without dampers and coupling.
+    // The expected dependencies follow from the equations, for both laws, with and without dampers and coupling.
     let xml = &CartPair::description().xml;
     let index = |name: &str| CartPair::description().layout.structure_index(reference::<CartPair>(name));
     let both = ["cart_force.", "ground.height", "cart_position.l", "cart_position.r", "cart_velocity."];
@@ -248,7 +249,8 @@ fn a_slope_that_is_not_finite_is_discarded_in_every_interface() {
                 assert!(message.contains(&part), "{message}");
             }
         }
-        // Along the input, the level does not change. The simulation can continue.
+        // In the direction of the input, the level does not change, so all derivatives are finite. The simulation can
+        // continue.
         let mut result = [0.0; 2];
         instance.directional_derivative(&[y, slope], &[u], &[1.0], &mut result).unwrap();
         assert_eq!(result, [1.0, 1.0]);

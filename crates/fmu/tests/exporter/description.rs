@@ -89,7 +89,7 @@ fn the_root_element_lists_the_capabilities() {
     assert_eq!(root.get("variableNamingConvention"), Some("structured"));
     assert_eq!(root.get("guid"), Some(CartPair::description().guid.as_str()));
     let order: Vec<_> = root.children.iter().map(|child| child.name.as_str()).collect();
-    // The order of the schema.
+    // The elements must be in the order of the schema.
     assert_eq!(
         order,
         [
@@ -305,7 +305,7 @@ fn initial_unknowns_depend_on_the_parameters_too() {
         let unknown = unknowns.all("Unknown").find(|u| u.get("index") == Some(&number)).unwrap();
         unknown.get("dependencies").unwrap().split(' ').map(|i| i.parse().unwrap()).collect()
     };
-    // All parameters, fixed and tunable.
+    // At the start, calculated parameters and accelerations may depend on all parameters, fixed and tunable.
     let springs = ["spring.stiffness.l", "spring.stiffness.r", "spring.law", "coupling.stiffness"].map(index);
     let mut all: BTreeSet<_> = springs.into();
     all.extend(["cart.mass", "damper.damping", "damper.on", "max_step"].map(index));
@@ -359,7 +359,7 @@ fn the_guid_is_the_hash_of_the_description_without_it() {
         assert_eq!(description.guid, format!("{{{hash}}}"));
         assert_eq!(description.xml.matches(&description.guid).count(), 1);
     }
-    // Computing it again gives the same GUID.
+    // Generating the description again gives the same GUID.
     let again = Description::of::<<CartPair as Export>::Model>(Format::FMI2, Path::new(""));
     assert_eq!(again.guid, CartPair::description().guid);
     assert_eq!(again.xml, CartPair::description().xml);
@@ -482,7 +482,7 @@ mod without_derived_parameters {
 #[test]
 #[should_panic = "Hopeless: the model rejects its start values: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
-    // The dependencies cannot be found, and an empty list would be wrong.
+    // The dependencies of this model cannot be found, and an empty list of dependencies would be wrong.
     Description::of::<fmu::testing::runner::ContinuousModel<without_derived_parameters::Hopeless>>(
         Format::FMI2,
         Path::new(""),

@@ -110,7 +110,7 @@ fn bouncing<E: fmu::testing::abi::Export>() {
             assert!((fmu.get("velocity") - velocity).abs() < 1e-8);
         }
     }
-    // The step of 2.1 s contains several bounces.
+    // The single step of 2.1 s contains several bounces.
     assert!(ball(2.1).0 >= 5);
 }
 
@@ -189,7 +189,7 @@ impl Continuous for Brittle {
     }
 }
 
-/// After a failed step, the outputs are those from before the step, even if an event changed them.
+/// After a failed step, the outputs have their values from before the step, even if an event in the step changed them.
 #[test]
 fn a_step_that_fails_after_an_event_keeps_the_discrete_state() {
     let mut fmu = Fmu::<Brittle>::ready();
@@ -379,7 +379,8 @@ fn an_input_that_changes_a_sign_between_steps_is_an_event_at_the_start_of_the_ne
     let mut run = |level: f64, restart: bool| {
         fmu.set("level", level).unwrap();
         fmu.set_boolean("restart", restart).unwrap();
-        // Continues from bytes: the signs are part of the state.
+        // A copy that continues from the bytes of the state has the same events, because the signs of the zero
+        // crossings are part of the state.
         let bytes = fmu.bytes();
         let mut copy = Fmu::<Hysteresis>::new();
         let saved = copy.0.deserialize(&bytes).unwrap();
@@ -478,7 +479,7 @@ fn the_discrete_state_at_the_start_follows_from_the_start_values() {
         fmu.0.setup_experiment(0.0, None).unwrap();
         fmu.set("temperature", temperature).unwrap();
         fmu.0.enter_initialization().unwrap();
-        // The first read of the output must have no effect.
+        // This first read of the output must have no effect.
         is_on(&mut fmu);
         fmu.set("outside", outside).unwrap();
         assert_eq!(is_on(&mut fmu), expected);
@@ -508,7 +509,7 @@ fn a_simulation_takes_tunable_parameters_between_steps() {
     run.set_parameters(Thermostat { lower: 21.0, ..Default::default() }).unwrap();
     run.step(&inputs, 1.0).unwrap();
     assert!(run.outputs(&inputs).is_on);
-    // Before the first step, a new state is the start state and determines the discrete state.
+    // Before the first step, setting the state also determines the initial discrete state.
     let mut run = ContinuousSimulation::new(Thermostat::default()).unwrap();
     run.set_state(&Room { temperature: 5.0 });
     assert!(run.outputs(&inputs).is_on);

@@ -112,7 +112,7 @@ impl<E: Export> Instance<E> {
         self
     }
 
-    /// A new instance in the same state, by the bytes of the state.
+    /// A new instance in the same state, created from the bytes of the state.
     pub(crate) fn copied(&self) -> Self {
         let other = Self::co_simulation(false);
         let (mut state, mut size) = (null_mut(), 0);
@@ -211,8 +211,8 @@ fn co_simulation_has_the_bits_of_fmi_2() {
     }
 }
 
-/// Reference: the same steps without Event Mode, which handle events inside. The parabola is integrated exactly, so
-/// dividing steps changes only rounding errors, which are far below 1e-12.
+/// Reference: the same steps without Event Mode, in which the steps themselves handle the events. The parabola is
+/// integrated exactly, so dividing steps changes only rounding errors, which are far below 1e-12.
 #[test]
 fn a_step_returns_early_at_an_event_that_the_importer_handles() {
     let states = ["height", "velocity", "last_bounce"].map(reference::<EqualSteps>);
@@ -248,8 +248,8 @@ fn a_step_returns_early_at_an_event_that_the_importer_handles() {
     assert_eq!(events, ball(2.0).0 as u32);
 }
 
-/// Time events in Event Mode, also if the state was saved between the end of a step and the event, by an instance with
-/// or without Event Mode. Reference: the number of periods.
+/// Each time event is handled once in Event Mode, even if the state was saved between the end of a step and the event,
+/// by an instance with or without Event Mode. Reference: the number of periods.
 fn time_events_are_handled_once<E: Export>() {
     let edges = reference::<Pulses>("edges");
     let count = |instance: &Instance<E>| {
@@ -486,7 +486,7 @@ fn wheels_and_axles_are_terminals() {
     ] {
         assert!(xml.contains(text), "{xml}");
     }
-    // Local variables and parameters are not signals.
+    // Local variables and parameters are not signals and belong to no terminal.
     assert!(!xml.contains("cart_velocity") && !xml.contains("spring.stiffness"), "{xml}");
     // The packer gets the same text from the library.
     let asked = abi::model_description::<Carts>(3, 3 | 8);

@@ -99,7 +99,7 @@ macro_rules! tanks {
                 Ok(Outlet { factor: self.p.discharge * self.p.volume, flows: self.p.is_open })
             }
             fn initialize(&self, derived: &Outlet, state: &mut Levels<f64>) {
-                // Accumulates, unless the states start from the same values in each call.
+                // These sums would grow from call to call if the states did not have the same values before each call.
                 state.level += self.p.volume / self.p.area;
                 state.sum += state.level + state.second + derived.factor;
                 state.second = -1.0; // ignored: this state is not calculated
@@ -279,7 +279,7 @@ struct Run<E: Export> {
 impl<E: Export> Run<E> {
     fn instance(protocol: Protocol) -> Instance<E::Model> {
         let instance = Instance::new(protocol, E::description(), PathBuf::new());
-        // Event Mode, if version and model have it.
+        // The instance uses Event Mode if the version and the model support it.
         if protocol == Protocol::CS3 && E::Model::HAS_EVENTS { instance.with_event_mode() } else { instance }
     }
 
@@ -287,7 +287,7 @@ impl<E: Export> Run<E> {
         self.protocol.interface == Interface::ModelExchange
     }
 
-    /// Reads some variables, also in invalid ways, and ignores the results.
+    /// Reads some variables, also with invalid calls, and ignores the results.
     fn read(&mut self) {
         let description = E::description();
         let layout = &description.layout;
@@ -495,7 +495,7 @@ fn check<E: Export>(protocols: &[Protocol]) {
 fn results_of_continuous_time_models_depend_on_the_values_alone() {
     check::<Classical>(&Protocol::ALL);
     check::<Controlled>(&Protocol::ALL);
-    // Not in model exchange, where the importer's solver is used.
+    // Not checked in model exchange, where the importer's solver is used.
     check::<Stiff>(&CO_SIMULATION);
 }
 
@@ -599,7 +599,7 @@ fn the_tolerance_of_the_experiment_is_that_of_the_solver() {
             fmu.set("tolerance", set).unwrap();
         }
         if is_before {
-            // Also after conversion to bytes.
+            // The same must hold after the state was converted to bytes.
             let snapshot = fmu.0.deserialize(&fmu.bytes()).unwrap();
             fmu = Fmu::new();
             fmu.0.restore(&snapshot).unwrap();
@@ -617,7 +617,7 @@ fn the_tolerance_of_the_experiment_is_that_of_the_solver() {
         assert_eq!(fine.get("tolerance"), 1e-9);
         assert_ne!(fine.get("level").to_bits(), usual.get("level").to_bits());
         assert_eq!(fine.bits(), starting(None, Some(1e-9), is_before).bits());
-        // Setting the parameter takes precedence, even to its present value.
+        // Setting the parameter, even to its present value, takes precedence over the tolerance of the experiment.
         assert_eq!(starting(Some(1e-3), Some(1e-9), is_before).bits(), fine.bits());
         assert_eq!(starting(Some(1e-3), Some(1e-6), is_before).bits(), usual.bits());
     }

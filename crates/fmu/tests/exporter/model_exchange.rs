@@ -24,7 +24,7 @@ impl<E: Export> Importer<E> {
         Instance::new(Protocol::ME2, E::description(), PathBuf::new())
     }
 
-    /// In Event Mode, before the first event.
+    /// An importer in Event Mode, before the first event.
     fn initialized(start: f64, values: &[(&str, f64)]) -> Self {
         let mut instance = Self::instantiated();
         instance.setup_experiment(start, None).unwrap();
@@ -36,7 +36,7 @@ impl<E: Export> Importer<E> {
         Self { instance, next_event: None, events: 0 }
     }
 
-    /// In Continuous-Time Mode.
+    /// An importer in Continuous-Time Mode.
     fn starting(start: f64, values: &[(&str, f64)]) -> Self {
         let mut importer = Self::initialized(start, values);
         importer.update();
@@ -135,8 +135,8 @@ fn discarded<V: std::fmt::Debug>(answer: Result<V, CallError>) -> String {
     }
 }
 
-/// A declared zero crossing is an event. The method is exact for a parabola. An event is detected 1e-9 nominal heights
-/// late, so at 3 m/s each bounce adds an error of 3e-10 s.
+/// A declared zero crossing is an event. The method is exact for a parabola. An event is detected when the height is
+/// 1e-9 nominal heights beyond zero, so at 3 m/s each bounce adds an error of 3e-10 s.
 #[test]
 fn a_bouncing_ball_follows_its_closed_form() {
     let mut importer = Importer::<EqualSteps>::starting(0.0, &[]);
@@ -308,7 +308,7 @@ impl Continuous for Latch {
     }
 }
 
-/// Reference: the equations have one relation or three.
+/// Reference: the equations have one or three relations, depending on the locks.
 #[test]
 fn the_number_of_indicators_is_the_maximum_over_all_modes() {
     assert_eq!(Latch::description().layout.indicators.total(), 3);
@@ -341,7 +341,7 @@ fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
     assert!(message.starts_with("fmi2GetDerivatives: 'der(cart_velocity.l)' = "), "{message}");
 }
 
-/// CasADi sets continuous states in this way. Reference: the closed form of an output, 1 / other.
+/// CasADi sets continuous states with fmi2SetReal. Reference: the closed form of an output, 1 / other.
 #[test]
 fn states_can_be_set_one_by_one() {
     let mut importer = relay(false, [0.0, 1.0], 0.0);
@@ -496,7 +496,8 @@ impl Continuous for Switches {
     }
 }
 
-/// Of 2^13 combinations, only those are tried in which at most one parameter differs from its start value.
+/// The 2^13 combinations are too many to try; only those in which at most one parameter differs from its start value
+/// are tried.
 #[test]
 fn with_many_parameters_the_start_values_count() {
     assert_eq!(Switches::description().layout.indicators.total(), 13);

@@ -377,12 +377,12 @@ pub(crate) fn error_of<V: std::fmt::Debug>(answer: Result<V, CallError>) -> Stri
 }
 
 impl<E: Export> Fmu<E> {
-    /// In Instantiated.
+    /// An instance in the mode Instantiated.
     pub(crate) fn new() -> Self {
         Self(Instance::new(Protocol::CS2, E::description(), PathBuf::new()))
     }
 
-    /// In Initialization Mode.
+    /// An instance in Initialization Mode.
     pub(crate) fn initializing(start: f64) -> Self {
         let mut fmu = Self::new();
         fmu.0.setup_experiment(start, None).unwrap();
@@ -390,12 +390,12 @@ impl<E: Export> Fmu<E> {
         fmu
     }
 
-    /// In Step Mode.
+    /// An instance in Step Mode.
     pub(crate) fn ready() -> Self {
         Self::starting(0.0, &[])
     }
 
-    /// In Step Mode at a start time; sets the values during initialization.
+    /// An instance in Step Mode at a start time. Sets the values during initialization.
     pub(crate) fn starting(start: f64, values: &[(&str, f64)]) -> Self {
         let mut fmu = Self::initializing(start);
         for (name, value) in values {

@@ -1,5 +1,5 @@
 //! Numbers of all sizes as parameters, inputs, outputs and discrete state. References: FMI 3.0.2, section 2.4.4
-//! (types); the limits of the types of Rust; a feedthrough, whose outputs are its inputs or parameters.
+//! (types); the limits of Rust's types; a feedthrough, whose outputs are its inputs or parameters.
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
 use fmu::prelude::*;
@@ -349,7 +349,7 @@ fn fmi_2_has_the_numbers_that_fit() {
     fmu.0.get_real(&[of("float32_sum")], &mut values[..1]).unwrap();
     assert_eq!(values[0], f64::from(1.5_f32 + 0.1_f32 + 0.25_f32));
 
-    // Nothing is set if one value is wrong, or the variable of another type.
+    // Nothing is set if one value is invalid or one variable has another type.
     for (value, expected) in [(2.5, "in [-1, 2], got 2.5"), (1e39, "in [-1, 2], got inf"), (f64::NAN, "got NaN")] {
         let message = error_of(fmu.0.set_real(&some, &[7.0, value, 0.5]));
         assert!(message.contains("'float32' must be a finite number") && message.contains(expected), "{message}");
@@ -358,7 +358,7 @@ fn fmi_2_has_the_numbers_that_fit() {
     assert!(message.contains("must be a variable of type Real, it is 'int8' of type Integer"), "{message}");
     fmu.0.get_real(&some, &mut values).unwrap();
     assert_eq!(values, [0.25, 1.5, f64::from(0.1_f32)]);
-    // The limit of an input is information for the importer.
+    // The limit of an input is only information for the importer, so a value beyond it is accepted.
     fmu.0.set_real(&[of("float32_input")], &[3.0]).unwrap();
 
     for value in [-129, 128] {
@@ -406,7 +406,7 @@ impl Discrete for Overflow {
     }
 }
 
-/// As that of a Float64.
+/// A real output of 32 bits that is not finite is an error, like one of 64 bits.
 #[test]
 fn a_result_that_is_not_finite_is_an_error() {
     let mut fmu = Fmu::<Overflow>::initializing(0.0);

@@ -93,7 +93,7 @@ fn the_error_falls_with_the_order_of_the_method() {
         let errors = [0.05, 0.025, 0.0125].map(|step| error_of_steps::<E>(step, parameter, value(step)));
         for pair in errors.windows(2) {
             let ratio = pair[0] / pair[1];
-            // Halving the step divides the error by 2^order; terms of higher order are within 30 %.
+            // Halving the step divides the error by 2^order; terms of higher order change this factor by at most 30 %.
             assert!((ratio / 2.0_f64.powi(order) - 1.0).abs() < 0.3, "order {order}: {ratio} of {errors:?}");
         }
     }
@@ -111,7 +111,8 @@ fn error_control_keeps_the_tolerance() {
             let mut fmu = Fmu::<E>::starting(0.0, &[("tolerance", tolerance)]);
             fmu.step(10.0).unwrap();
             let error = (fmu.get("x") - 10.0_f64.sin().exp()).abs();
-            // The tolerance applies to a step. Over 10 s, the errors add up and grow by at most e^2.
+            // The tolerance applies to each step. Over 10 s, the errors of the steps add up and grow by a factor of at
+            // most e^2.
             assert!(error < 50.0 * tolerance, "{error} with a tolerance of {tolerance}");
             assert!(error < before);
             before = error;
@@ -196,7 +197,7 @@ fn a_restored_state_continues_with_the_step_of_the_solver() {
 
 #[test]
 fn short_communication_steps_and_steps_that_end_on_them_are_no_problem() {
-    // Steps of a few units in the last place of the time.
+    // Takes steps of a few units in the last place of the time.
     let mut fmu = Fmu::<ControlledGrowth>::starting(1e3, &[]);
     for _ in 0..100 {
         let time = fmu.0.time();

@@ -136,7 +136,7 @@ fn run<E: Export>() -> Fmu<E> {
     assert_eq!(read(&mut fmu), (4.5, 1, false, "steel".to_owned()));
     fmu.set_string("good", "wood").unwrap();
     fmu.set("inflow", 8.0).unwrap();
-    // The outputs belong to the last step.
+    // The outputs are still those of the last step.
     assert_eq!(read(&mut fmu), (4.5, 1, false, "steel".to_owned()));
     fmu.step(1.0).unwrap();
     assert_eq!(read(&mut fmu), (12.5, 2, false, "wood".to_owned()));

@@ -146,7 +146,7 @@ fn truncated_and_extended_bytes_are_rejected() {
     let bytes = fmu.bytes();
     for length in 0..bytes.len() {
         error_of(fmu.0.deserialize(&bytes[..length]).map(drop));
-        // Also with a valid checksum.
+        // The truncated bytes must also be rejected if their checksum is valid.
         if length >= 8 {
             error_of(fmu.0.deserialize(&with_checksum(bytes[..length].to_vec())).map(drop));
         }
@@ -268,7 +268,7 @@ fn a_state_in_a_missing_event_mode_is_rejected() {
     instance.enter_initialization().unwrap();
     instance.exit_initialization().unwrap();
     let mut bytes = instance.serialize(&instance.snapshot().unwrap()).unwrap();
-    // The mode is before the start time.
+    // In the bytes, the mode comes directly before the start time.
     let at = bytes.windows(8).position(|window| window == 1.5_f64.to_le_bytes()).unwrap() - 4;
     assert_eq!(bytes[at..at + 4], (Mode::Step as u32).to_le_bytes());
     bytes[at..at + 4].copy_from_slice(&(Mode::Event as u32).to_le_bytes());
@@ -304,11 +304,11 @@ fn a_saved_state_goes_on_bit_by_bit<E: Export>(
     let snapshot = fmu.0.snapshot().unwrap();
     let bytes = fmu.bytes();
     let expected = follow(&mut fmu, input, after);
-    // In the same instance, from memory.
+    // Continues in the same instance, from memory.
     fmu.0.restore(&snapshot).unwrap();
     prop_assert_eq!(&fmu.bytes(), &bytes);
     prop_assert_eq!(&follow(&mut fmu, input, after), &expected);
-    // In another instance, from bytes.
+    // Continues in another instance, from bytes.
     let mut other = Fmu::<E>::new();
     let copy = other.0.deserialize(&bytes).unwrap();
     other.0.restore(&copy).unwrap();

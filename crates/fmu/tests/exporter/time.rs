@@ -6,7 +6,7 @@ use crate::models::{CartPair, Fmu, Sampler, error_of, integration_steps};
 
 #[test]
 fn a_step_is_divided_into_the_fewest_equal_parts_not_longer_than_max_step() {
-    // n = max(1, ceil(h/max_step - 1e-6)).
+    // Each case: length h of the step, `max_step`, and the number of parts, max(1, ceil(h/max_step - 1e-6)).
     let cases = [
         (1e-3, 1e-3, 1),
         (1e-3, 0.25e-3, 4),
@@ -118,7 +118,7 @@ fn large_times_are_those_of_the_instance_within_four_units_in_the_last_place() {
         let ulp = start.next_up() - start;
         for (offset, is_accepted) in [(4.0, true), (-4.0, true), (5.0, false), (-5.0, false)] {
             let mut fmu = Fmu::<CartPair>::starting(start, &[]);
-            // Here, 1e-6 of the step is less than a unit in the last place.
+            // With this step, 1e-6 of the step is less than a unit in the last place of the time.
             let result = fmu.0.do_step(start + offset * ulp, 1e-4);
             assert_eq!(result.is_ok(), is_accepted, "{offset} units at {start} s");
         }
@@ -196,7 +196,7 @@ fn the_communication_point_is_that_of_the_instance_within_a_millionth_of_the_ste
         (answer, fmu.0.time())
     };
     for offset in [0.4e-6, -0.4e-6] {
-        // The master's time is adopted.
+        // The instance adopts the master's time.
         assert_eq!(at(offset), (Ok(()), 2.0 + offset + 0.5));
     }
     for offset in [0.6e-6, -0.6e-6, 0.5, -0.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
@@ -268,7 +268,7 @@ fn an_impossible_experiment_is_rejected() {
         );
     }
     assert_eq!(fmu.bytes(), before);
-    // The last call applies; the stop time may equal the start time.
+    // Only the last call has an effect. The stop time may equal the start time.
     fmu.0.setup_experiment(1.0, Some(1.0)).unwrap();
     fmu.0.setup_experiment(3.0, None).unwrap();
     assert_eq!(fmu.0.time(), 3.0);
@@ -291,7 +291,7 @@ fn position_after_one_second(max_step: f64) -> f64 {
 
 #[test]
 fn the_integrator_has_order_four() {
-    // Halving the step divides the error by 16; terms of higher order are within 10 %.
+    // Halving the step divides the error by 16; terms of higher order change this factor by at most 10 %.
     let exact = closed_form(2.0, 0.4, 8.0, 1.5, 0.3);
     let errors = [0.1, 0.05, 0.025].map(|step| (position_after_one_second(step) - exact).abs());
     for pair in errors.windows(2) {

@@ -82,7 +82,8 @@ counting! {
     NotANumber [] |_p, _at| Some(f64::NAN), |event| event.discrete.count += 1;
 }
 
-/// The interfaces, co-simulation with and without Event Mode.
+/// All interfaces. The flag is true if the importer handles the events. Co-simulation in FMI 3.0 is tested with and
+/// without Event Mode.
 const INTERFACES: [(Protocol, bool); 5] = [
     (Protocol::CS2, false),
     (Protocol::CS3, false),
@@ -91,7 +92,7 @@ const INTERFACES: [(Protocol, bool); 5] = [
     (Protocol::ME3, true),
 ];
 
-/// An instance that runs in an interface.
+/// An instance that is used through one of the interfaces.
 struct Run<E: Export> {
     instance: Instance<E::Model>,
     protocol: Protocol,
@@ -160,7 +161,7 @@ fn an_event_that_is_due_at_the_start_happens_there() {
             run.run(end).unwrap();
             assert_eq!(run.count(), count, "{protocol:?}, {end} s");
         }
-        // Before its first event.
+        // The run starts before the first event of the model.
         let mut run = Run::<Absolute>::starting(protocol, has_events, -30.0).unwrap();
         assert_eq!(run.count(), 0);
         run.run(60.0).unwrap();
@@ -239,7 +240,7 @@ fn a_period_that_is_shortened_takes_effect_at_once() {
     }
 }
 
-/// An importer with a fixed step handles an event when its step is over.
+/// An importer with a fixed step handles an event at the end of the step that contains the event.
 #[test]
 fn model_exchange_handles_an_announced_event_late() {
     let mut run = Run::<Absolute>::starting(Protocol::ME2, true, 0.0).unwrap();

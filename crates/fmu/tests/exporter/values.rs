@@ -90,7 +90,8 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 #[test]
 fn every_function_follows_the_table_of_calls() {
     for mode in REACHABLE {
-        // An allowed call succeeds or fails for another reason. A forbidden call reports the rule.
+        // A call that the mode allows succeeds, or fails for another reason. A call that the mode forbids reports the
+        // rule.
         type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::testing::instance::CallError>);
         let calls: [Call; 12] = [
             (Function::SetupExperiment, |u| u.0.setup_experiment(0.0, None)),
@@ -139,7 +140,7 @@ fn limits_and_numbers_that_are_not_finite_are_rejected() {
     for value in [0.0, 50.0] {
         fmu.set("damper.damping", value).unwrap();
     }
-    // Inputs have no limits.
+    // Inputs may have any finite value.
     fmu.set("cart_force.l", -f64::MAX).unwrap();
 }
 
@@ -302,7 +303,7 @@ fn the_end_of_initialization_rejects_parameters_without_derived_ones() {
     assert_eq!(fmu.0.mode(), Mode::Initialization);
     assert_eq!(fmu.bytes(), before);
     fmu.set("spring.stiffness.l", 1.0).unwrap();
-    // A calculated parameter that overflows.
+    // A calculated parameter overflows.
     fmu.set("cart.mass", 1e-3).unwrap();
     fmu.set("spring.stiffness.r", 1e308).unwrap();
     assert_eq!(

@@ -83,7 +83,7 @@ pub(super) enum Part {
     Outputs,
 }
 
-/// Whether relations take the sides of the present values or keep their sides.
+/// Sides of the relations in an evaluation: set from the present values, or kept.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sides {
     Update,
@@ -101,7 +101,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         p.zero_crossings(At { time, state, inputs, derived, discrete })
     }
 
-    /// Evaluates a function; reads `known` and writes `unknown`.
+    /// Evaluates the derivatives or the outputs. Reads `known` and writes `unknown`.
     pub(super) fn eval(
         Context { p, derived, layout, time }: Context<'_, Self>,
         exchange: &mut Exchange,
@@ -139,7 +139,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
     }
 
-    /// Evaluates both functions to update their relations.
+    /// Evaluates the derivatives and the outputs to update their relations.
     pub(super) fn eval_all(
         ctx: Context<'_, Self>,
         exchange: &mut Exchange,

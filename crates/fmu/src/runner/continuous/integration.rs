@@ -46,12 +46,13 @@ pub(super) fn too_many_at(time: f64) -> String {
 struct Integration<'a, M: Continuous, K> {
     problem: Problem<'a, M>,
     run: &'a mut RunnerState<M::DiscreteState>,
-    /// Time in s up to which time events have been handled.
+    /// Time in s that the integration has reached, at which the model is asked for the next time event.
     reached: f64,
     events: u32,
     /// Time of the first event in the step, for a message.
     first_event: f64,
-    /// Time in s up to which time events have been handled in this step.
+    /// Time in s of the last time event that was handled in this step; before the first one, the end of the previous
+    /// step.
     handled: f64,
     stops_at_events: bool,
     /// Time in s of the event at which the step stopped.
@@ -149,7 +150,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 next_time_event(self.problem.model, at)
             })?;
             let due = next.filter(|next| *next <= end);
-            // The end of the previous step and the start of this step differ by rounding errors.
+            // An event is due if it is not after the start of this step or the end of the previous step, which differ
+            // by rounding errors.
             if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
                 self.reached = due;
                 self.handled = due;
@@ -217,7 +219,8 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         Crossings(Some(crossings))
     }
 
-    /// Finds the first event in a step. Returns its time, the state just after it, and the zero crossings there.
+    /// Finds the first event in a step. Returns its time, and the state and the values of the zero crossings just after
+    /// it.
     fn locate(
         &mut self,
         time: f64,
