@@ -198,7 +198,10 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                 let definition = |unit: Unit| (unit.exponents, unit.factor, unit.offset);
                 let known = units.entry(real.unit.name).or_insert(real.unit);
                 if definition(*known) != definition(real.unit) {
-                    return Some(format!("'{name}': another variable has a different unit named {}", real.unit.name));
+                    return Some(format!(
+                        "'{name}': the unit {} is defined differently for another variable",
+                        real.unit.name
+                    ));
                 }
                 if [real.min, real.max, real.nominal].into_iter().flatten().any(|value| !value.is_finite()) {
                     return Some(format!("'{name}': a limit or the nominal value is not a finite number"));
@@ -226,7 +229,9 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     ));
                 }
                 if !items.is_empty() && *types.entry(key).or_insert(*items) != *items {
-                    return Some(format!("'{name}': another variable has a different enumeration named {type_name}"));
+                    return Some(format!(
+                        "'{name}': the enumeration {type_name} is defined differently for another variable"
+                    ));
                 }
             }
             Kind::Binary { start, most, .. } if start.len() > *most => {
@@ -332,14 +337,14 @@ mod tests {
         assert_eq!(problem(real(Spec { nominal: Some(0.0), ..x() }, 0.0)), "'x': the nominal value is not above 0");
         assert_eq!(
             problem([real(x(), 0.0), real(named("y", Unit { name: "m", ..Unit::S }), 0.0)].concat()),
-            "'y': another variable has a different unit named m"
+            "'y': the unit m is defined differently for another variable"
         );
         let mut other_mode = plain(enumeration("Law", ITEMS));
         other_mode[0].name = "y".to_owned();
         const OTHERS: &[Item] = &[Item { value: 0, name: "on", description: "On" }];
         assert_eq!(
             problem([other_mode, plain(enumeration("Law", OTHERS))].concat()),
-            "'x': another variable has a different enumeration named Law"
+            "'x': the enumeration Law is defined differently for another variable"
         );
         let number = |size, min, max| Kind::Integer {
             size,
