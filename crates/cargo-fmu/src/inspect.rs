@@ -190,13 +190,13 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     interfaces
 }
 
-/// Prints the variables that other commands neither read nor set.
+/// Prints the variables that scenarios neither read nor set.
 fn opaque(description: &ModelDescription) {
     let variables = &description.opaque_variables;
     if variables.is_empty() {
         return;
     }
-    outln!("\nBinary and Clock variables, not supported ({})", variables.len());
+    outln!("\nBinary and Clock variables; scenarios cannot use them ({})", variables.len());
     let width = variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
     for variable in variables {
         let (name, text) = (line(&variable.name), variable.description.as_deref().unwrap_or_default());

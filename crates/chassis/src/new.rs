@@ -65,10 +65,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inside = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
     let shown = inside.unwrap_or(&file).display().to_string();
     outln!(
-        "{shown} is ready. Next:\n  chassis plan {shown}   # what is connected to what\n  chassis run {shown}    # signals and requirements"
+        "{shown} is ready. Next:\n  chassis plan {shown}   # what is connected to what\n  chassis run {shown}    # signals, requirements and a page"
     );
     if Workspace::find().is_ok_and(|found| found.root.join("scripts/run").is_file()) {
-        outln!("  scripts/run {shown}      # the same with a page");
+        outln!("  scripts/run {shown}      # the same, after building what changed");
     }
     Ok(())
 }
