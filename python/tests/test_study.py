@@ -316,7 +316,7 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
         (SAMPLE + vary("p", "f:y", UNIFORM), "`y` of Function is not a parameter but an output"),
         (SAMPLE + vary("p", "f:a", UNIFORM + '\nunit = "kg"'), "cannot be given in kg, expected one of m, cm"),
         (SAMPLE + vary("p", "f:a", UNIFORM.replace("1.0", "11.0")), "`f:a` would be 11 m, expected at most 10"),
-        (SAMPLE + vary("p", "f:seed", UNIFORM), "`f:seed` is Integer, expected values"),
+        (SAMPLE + vary("p", "f:seed", UNIFORM), "`f:seed` is Integer and cannot have a distribution"),
         (SAMPLE + vary("p", "f:a", 'distribution = "seed"'), "`f:a` is Real; a seed must be an Integer"),
         (SAMPLE + vary("y", "f:a", UNIFORM), "the scenario has a metric of that name"),
         (SAMPLE + 'cases = ["plan"]\n' + TWO, "unknown case `plan`, expected one of plain, shifted"),

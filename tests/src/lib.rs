@@ -12,7 +12,7 @@ pub mod symbols;
 
 use fmu_import::archive::Archive;
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, Interface, ModelDescription, Variability, Variable};
+use fmu_import::description::{BaseType, Causality, DataType, Interface, ModelDescription, Variability, Variable};
 use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -264,8 +264,7 @@ impl Fmu {
     #[must_use]
     pub fn failing_inputs(&self) -> Option<Vec<f64>> {
         const HUGE: f64 = 1.7e308;
-        let start: Vec<_> =
-            self.with(Causality::Input).filter(|input| input.base_type == BaseType::Real).map(signals::start).collect();
+        let start: Vec<_> = self.with(Causality::Input).filter(|input| is_double(input)).map(signals::start).collect();
         let all = self.reals();
         // One huge input, which overflows when it is integrated, or huge values of all inputs with alternating signs.
         let single = (0..start.len()).map(|i| {
@@ -302,7 +301,7 @@ impl Fmu {
     /// Value references of the real variables of a causality, in the order of the description.
     #[must_use]
     pub fn references(&self, causality: Causality) -> Vec<Reference> {
-        self.with(causality).filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
+        self.with(causality).filter(|v| is_double(v)).map(|v| v.reference).collect()
     }
 
     /// The values of all outputs except Strings, in the order of the description, with Integers and Booleans as
@@ -335,7 +334,7 @@ impl Fmu {
     /// Value references of all real variables.
     #[must_use]
     pub fn reals(&self) -> Vec<Reference> {
-        self.description.variables.iter().filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
+        self.description.variables.iter().filter(|v| is_double(v)).map(|v| v.reference).collect()
     }
 
     /// Value reference of the variable with this name.
@@ -459,6 +458,12 @@ pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
     let mut values = vec![f64::NAN; references.len()];
     ok(instance.get_real(references, &mut values));
     values
+}
+
+/// Returns true for a real number of 64 bits. Those of 32 bits do not have all values of the tests, and the importer rounds them.
+#[must_use]
+pub fn is_double(variable: &Variable) -> bool {
+    variable.data_type == DataType::Float64
 }
 
 /// The value of a real variable.

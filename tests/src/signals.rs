@@ -1,9 +1,9 @@
 //! Inputs that excite any FMU without knowledge of its model. They are smooth and deterministic, and the unit of a
 //! variable determines the amplitude.
 
-use crate::{Fmu, Instance, bits, ok};
+use crate::{Fmu, Instance, bits, is_double, ok};
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::description::{Causality, Value, Variable};
 
 /// Pseudorandom numbers that are the same on every platform (SplitMix64: Steele, Lea, Flood, "Fast splittable
 /// pseudorandom number generators", OOPSLA 2014).
@@ -83,7 +83,7 @@ impl Excitation {
     #[must_use]
     pub fn of(fmu: &Fmu, seed: u64) -> Self {
         let mut random = Random(seed);
-        let inputs = || fmu.with(Causality::Input).filter(|v| v.base_type == BaseType::Real);
+        let inputs = || fmu.with(Causality::Input).filter(|v| is_double(v));
         let waves = inputs()
             .map(|variable| {
                 let amplitude = scale(variable);

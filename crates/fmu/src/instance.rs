@@ -5,7 +5,7 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol};
+use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol, Version};
 use crate::clock::Clock;
 use crate::description::Description;
 use crate::runner::{Context, Kind as ModelKind, Model, Run, are_finite};
@@ -368,7 +368,8 @@ impl<M: Model> Instance<M> {
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {
-            Function::SetReal => false,
+            // FMI 2.0 sets numbers of 32 bits as Reals, which are rounded.
+            Function::SetReal => self.protocol.version == Version::Fmi2 && self.layout().has_float32,
             Function::GetReal => M::KIND == ModelKind::Continuous || self.is_before_start() || self.is_stale(),
             _ => true,
         }

@@ -207,6 +207,8 @@ pub struct Layout {
     pub first_binary: u32,
     /// One past the last value reference.
     pub end: u32,
+    /// True if there is a Float32.
+    pub has_float32: bool,
     /// Position in `variables` by value reference.
     positions: Vec<usize>,
 }
@@ -284,6 +286,7 @@ impl Layout {
             first_string: first[3],
             first_binary: first[4],
             end: first[5],
+            has_float32: variables.iter().any(|variable| matches!(variable.declaration.kind, Kind::Float32(_))),
             variables,
             positions,
         }
@@ -433,6 +436,11 @@ impl Declaration {
     }
 }
 
+/// Returns true if the word of an `f32` is finite, by its bits: independent of the floating-point environment.
+pub(crate) const fn is_finite_f32(word: u64) -> bool {
+    word & 0x7f80_0000 != 0x7f80_0000
+}
+
 impl Kind {
     const fn counts(&self) -> Counts {
         match self {
@@ -455,7 +463,7 @@ impl Kind {
     /// Returns true if a word is a value of this type: an item of an enumeration, or a finite number.
     pub(crate) fn holds(&self, word: u64) -> bool {
         match self {
-            Self::Float32(_) => f32::of(word).is_finite(),
+            Self::Float32(_) => is_finite_f32(word),
             Self::Integer { size, items, .. } => {
                 let value = size.value(word);
                 // The word may contain a number of another size, which a number of this size cannot represent.
@@ -466,12 +474,15 @@ impl Kind {
     }
     /// Returns true if a word is a value of this type within the limits.
     pub(crate) fn takes(&self, word: u64) -> bool {
-        let is_within = match self {
+        // Checked first: a comparison with NaN could raise an exception that the host does not mask.
+        if !self.holds(word) {
+            return false;
+        }
+        match self {
             Self::Float32(real) => real.range().contains(&f32::of(word).into()),
             Self::Integer { size, min, max, .. } => (*min..=*max).contains(&size.value(word)),
             _ => false,
-        };
-        is_within && self.holds(word)
+        }
     }
     /// A word as text.
     pub(crate) fn text(&self, word: u64) -> String {

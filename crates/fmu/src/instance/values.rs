@@ -7,7 +7,7 @@ use crate::calls::{Function, Interface, Mode, Version};
 use crate::number::{Number, Size};
 use crate::runner::Model;
 use crate::store::ValueStore;
-use crate::variable::{Declaration, Kind, Real, Role, Variable};
+use crate::variable::{Declaration, Kind, Real, Role, Variable, is_finite_f32};
 
 /// Returns true if a number is finite. Tests the bits, and so does not depend on the floating-point environment of the
 /// host, see [`Instance::may_compute`].
@@ -199,7 +199,7 @@ impl<M: Model> Instance<M> {
     pub fn get_number<V: Number>(&mut self, function: Function, reference: u32) -> CallResult<V> {
         let index = self.readable(function, reference, Self::number::<V>)?;
         let word = self.values.words[index];
-        if V::SIZE.is_none() && !f32::of(word).is_finite() {
+        if V::SIZE.is_none() && !is_finite_f32(word) {
             let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
             let (value, time) = (f32::of(word), self.clock.time);
             return Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")));
