@@ -111,7 +111,7 @@ def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
             content = archive.read(name)
             if name == "modelDescription.xml":
                 root = etree.fromstring(content)
-                for variable in root.iter("Float64"):
+                for variable in root.iter("Float64", "Float32"):
                     for attribute in ("unit", "displayUnit", "nominal"):
                         variable.attrib.pop(attribute, None)
                 for definitions in root.findall("UnitDefinitions"):
