@@ -49,7 +49,7 @@ test("each term of the objective has its definition", async () => {
   const first = definitions.first();
   assert.ok(!(await first.locator("small").isVisible()));
   await first.locator("summary").click();
-  assert.match(await first.innerText(), /mean of the squares of x: plant:body\.roll.*rows/s);
+  assert.match(await first.innerText(), /mean of the squares, where x is plant:body\.roll.*rows/s);
 });
 
 test("a narrow screen has a list with the titles of the columns", async () => {
