@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use tests::{Fmu, all, folder, ok, paths, real, rejected, symbols, workspace};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
@@ -513,6 +513,19 @@ fn formats_have_what_their_options_say() {
     assert!(!scalars.iter().any(Variable::is_array) && has_terminals);
     let elements: usize = arrays.iter().map(|variable| variable.size).sum();
     assert_eq!(elements, scalars.len(), "the same variables, one for each element");
+
+    // Two calls at once: each gets the library of its version, although cargo has one place for both.
+    let arguments =
+        |version, out| ["fmu", "pack", "--no-portable", "--debug", "--fmi", version, "--out", out, "SuspensionMixer"];
+    let mut both = ["2", "3"].map(|version| {
+        let mut command = copy.prepared(&cargo_fmu, &arguments(version, &format!("target/at_once_{version}")));
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the command starts")
+    });
+    for call in &mut both {
+        let mut messages = String::new();
+        call.stderr.take().expect("it is piped").read_to_string(&mut messages).expect("messages are UTF-8");
+        assert!(call.wait().expect("the command ends").success(), "{messages}");
+    }
 }
 
 /// `chassis pack SCENARIO`, as `scripts/run` calls it: a package that does not compile affects only scenarios that need

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -386,6 +387,22 @@ pub(crate) fn builders(
         )),
     };
     wanted.into_iter().map(builder).collect()
+}
+
+/// Waits until no other call builds FMUs in this target folder, and keeps others out until the file is dropped. Cargo has
+/// one place for the library of a model, whatever the FMI version and the interfaces of the call.
+pub(crate) fn lock(workspace: &Workspace) -> Result<File> {
+    let folder = workspace.target.join("fmu-build");
+    let locked = || {
+        std::fs::create_dir_all(&folder)?;
+        let file = File::create(folder.join("lock"))?;
+        if file.try_lock().is_err() {
+            eprintln!("Waiting for another call that packs FMUs in {}", folder.display());
+            file.lock()?;
+        }
+        Ok::<_, std::io::Error>(file)
+    };
+    locked().into_diagnostic().wrap_err_with(|| format!("locking {}", folder.display()))
 }
 
 /// Rejects two platforms that share a folder in FMI 2.0, because a folder can contain the library of only one of them.

@@ -154,6 +154,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
             "this workspace has no package with the crate type cdylib that depends on fmu"
         ));
     }
+    let _lock = build::lock(workspace)?;
     let (models, descriptions) = describe(workspace, models, &format, &arguments.cargo)?;
     // Examples are exempt: their names can come from other projects.
     for (model, description) in models.iter().zip(&descriptions).filter(|(model, _)| model.is_default) {

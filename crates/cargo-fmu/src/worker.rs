@@ -144,7 +144,10 @@ impl Options {
     pub fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
         if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {
-            return Err(miette::miette!("there is no file {}, the Python library of --libpython", library.display()));
+            return Err(miette::miette!(
+                "cannot load the Python library given with --libpython: {} does not exist",
+                library.display()
+            ));
         }
         let printing = Arc::clone(&lines);
         let noted = Mutex::new(HashSet::new());

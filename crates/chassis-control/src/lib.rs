@@ -1,8 +1,8 @@
 //! Control laws that do not depend on a vehicle, and parts that several controllers share.
 //!
-//! Everything here is a pure function of `f64` values, or a small value built once from them. There is no hidden state
-//! and no FMI type, and functions called once per sample do not allocate. A controller keeps its own state and calls
-//! these functions in the order of its equations.
+//! Everything here is a pure function of `f64` values, or a small value built once from them, without hidden state or FMI
+//! types. Functions called once per sample do not allocate. A controller keeps its own state and calls these functions
+//! in the order of its equations.
 //!
 //! | module | contents | runs |
 //! |---|---|---|

@@ -33,9 +33,9 @@
 //!
 //! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has no eigenvalue on
 //! the imaginary axis, and the cost depends on every unstable mode of `A - B R^-1 N'`. If the cost ignores an unstable
-//! mode, a solution exists, but doubling does not find it: add a weight for that mode. If (A, B) is not stabilizable or
-//! an eigenvalue is on the imaginary axis, there is no stabilizing solution. All three cases end
-//! in the error "no convergence".
+//! mode, a solution exists, but doubling does not find it: add a weight for that mode. A stabilizing solution does not
+//! exist if (A, B) is not stabilizable or an eigenvalue is on the imaginary axis. All three cases end in the error "no
+//! convergence".
 //!
 //! Badly conditioned problems (many unstable modes with one input, long chains of integrators) end in an error about
 //! the residual or the poles, not in a wrong gain.

@@ -86,8 +86,8 @@ impl Columns {
     ///
     /// # Errors
     ///
-    /// If a column is missing, unknown or given twice, there is no row, a row does not have as many fields as the
-    /// header, or a field is not a finite number. The message contains path, line and column, but not the content of
+    /// If a column is missing, unknown or given twice, the table is empty, a row and the header differ in their number of
+    /// fields, or a field is not a finite number. The message contains path, line and column, but not the content of
     /// the file.
     pub fn parse(text: &str, path: &str, names: &[&str]) -> Result<Self, String> {
         let expected = format!("`{}`", names.join("`, `"));
@@ -163,7 +163,7 @@ impl Columns {
     ///
     /// # Panics
     ///
-    /// If there is no column with this index.
+    /// If the index is out of bounds.
     pub fn column(&self, column: usize) -> &[f64] {
         self.values[column].as_deref().expect("all columns are there")
     }
@@ -172,7 +172,7 @@ impl Columns {
     ///
     /// # Panics
     ///
-    /// If there is no row with this index.
+    /// If the index is out of bounds.
     pub fn line(&self, row: usize) -> usize {
         self.lines[row]
     }
@@ -238,7 +238,7 @@ impl Table {
         })
     }
 
-    /// Index of the first row after `x`, or the number of rows if there is no such row.
+    /// Index of the first row after `x`, or the number of rows if `x` is not before any row.
     pub fn next_row(&self, x: f64) -> usize {
         self.abscissa.partition_point(|point| *point <= x)
     }
@@ -267,7 +267,7 @@ mod tests {
         Table::parse(text, "a.csv", "time", &["steer", "speed"])
     }
 
-    /// The values are exact in binary, so there is no tolerance.
+    /// The values are exact in binary, so the comparison is exact.
     #[test]
     fn interpolates_between_and_holds_outside() {
         let table = parse("\u{feff}time, speed\r\n\r\n# a comment\r\n1, 10\r\n3, 20\r\n").unwrap();

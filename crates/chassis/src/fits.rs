@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus.places())?);
     if systems.plants.is_empty() {
-        return Err(miette!("there is no plant: apart from blocks for any signal, no FMU has continuous states"));
+        return Err(miette!("found no plant: only FMUs that work with any signal have continuous states"));
     }
     for name in &arguments.names {
         let mut known = systems.plants.iter().chain(&systems.components);

@@ -54,7 +54,7 @@ impl Python {
             let _ = pipe.write_all(text.as_bytes());
         }
         let status = child.wait().into_diagnostic().wrap_err_with(starting)?;
-        // If there is no exit code, a signal ended the process.
+        // A process that a signal ended has no exit code.
         Ok(status.code().unwrap_or(1))
     }
 }

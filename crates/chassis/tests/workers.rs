@@ -423,6 +423,6 @@ fn an_fmu_in_python_says_what_it_needs() {
             assert!(command_line[0] == "check" || csv(path, "steep.csv").unwrap().ends_with("1.0,2.0\n"), "{said}");
         }
         let output = command(path, &["run", "ramp.toml", "--libpython", "none.so"]);
-        assert!(message(&output.stderr).contains("there is no file none.so"));
+        assert!(message(&output.stderr).contains("none.so does not exist"));
     }
 }

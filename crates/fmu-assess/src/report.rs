@@ -21,9 +21,9 @@ pub enum Verdict {
     Pass,
     /// The value exceeds the limit.
     Fail,
-    /// There is no limit.
+    /// The metric has no limit.
     Info,
-    /// There is a limit, but it does not apply.
+    /// The metric has a limit that does not apply to this vehicle.
     Comparison,
     /// A signal is missing.
     Dropped,

@@ -3,6 +3,11 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
+/// A number of any integer type as text. Formatting `i128` itself needs code that a library does not contain otherwise.
+pub(crate) fn text(number: i128) -> String {
+    i64::try_from(number).map_or_else(|_| (number as u64).to_string(), |number| number.to_string())
+}
+
 /// A number that is stored in a word. Signed integers are sign-extended; an `f32` is stored as its bits.
 pub trait Number: Copy + Display {
     /// Number of bits and sign of an integer; `None` for `f32`.

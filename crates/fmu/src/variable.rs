@@ -5,7 +5,7 @@ use std::ops::{Range, RangeInclusive};
 use crate::bytes::Buffer;
 use crate::calls::Version;
 use crate::enumeration::Item;
-use crate::number::{Number as _, Size};
+use crate::number::{self, Number as _, Size};
 use crate::store::{Counts, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
 
@@ -487,7 +487,7 @@ impl Kind {
     /// A word as text.
     pub(crate) fn text(&self, word: u64) -> String {
         match self {
-            Self::Integer { size, .. } => size.value(word).to_string(),
+            Self::Integer { size, .. } => number::text(size.value(word)),
             _ => f32::of(word).to_string(),
         }
     }

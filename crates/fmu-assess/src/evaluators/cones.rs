@@ -186,7 +186,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let passed = if !is_finished || hit.is_some() {
         Ok(false)
     } else if margins.contains(&None) {
-        Err("in at least one section, there is no row with the vehicle inside".to_owned())
+        Err("the vehicle is not inside at least one section in any row".to_owned())
     } else {
         Ok(true)
     };
@@ -194,7 +194,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let hit = hit.map(|(time, section)| vec![time, section as f64]);
     results.set("first_hit", hit.ok_or_else(|| "no margin is negative".to_owned()));
     let tightest = tightest.map(|(_, time, section)| vec![time, section as f64]);
-    results.set("tightest", tightest.ok_or_else(|| "there is no row with the vehicle inside a section".to_owned()));
+    results.set("tightest", tightest.ok_or_else(|| "the vehicle is not inside a section in any row".to_owned()));
     results.set("margins", margins);
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::ffi::CStr;
 
 use super::{CallError, CallResult, Instance, text, texts};
 use crate::calls::{Function, Interface, Mode, Version};
-use crate::number::{Number, Size};
+use crate::number::{self, Number, Size};
 use crate::runner::Model;
 use crate::store::ValueStore;
 use crate::variable::{Declaration, Kind, Real, Role, Variable, is_finite_f32};
@@ -41,7 +41,7 @@ fn word_rule<V: Number>(Variable { role, declaration, .. }: &Variable, value: V)
             let names: Vec<_> = items.iter().map(|item| format!("{} ({})", item.value, item.name)).collect();
             names.join(" or ")
         }
-        Kind::Integer { min, max, .. } => format!("in [{min}, {max}]"),
+        Kind::Integer { min, max, .. } => format!("in [{}, {}]", number::text(*min), number::text(*max)),
         _ => {
             let range = kind.real().map_or(f64::NEG_INFINITY..=f64::INFINITY, Real::range);
             format!("a finite number in [{}, {}]", range.start(), range.end())
@@ -221,7 +221,7 @@ impl<M: Model> Instance<M> {
         i32::try_from(value).map_err(|_| {
             self.error(
                 FUNCTION,
-                format_args!("'{name}' = {value} does not fit in the 32 bits of an Integer of FMI 2.0"),
+                format_args!("'{name}' = {} does not fit in the 32 bits of an Integer of FMI 2.0", number::text(value)),
             )
         })
     }
