@@ -515,10 +515,10 @@ fn formats_have_what_their_options_say() {
     assert_eq!(elements, scalars.len(), "the same variables, one for each element");
 
     // Two calls at once: each gets the library of its version, although cargo has one place for both.
-    let arguments =
-        |version, out| ["fmu", "pack", "--no-portable", "--debug", "--fmi", version, "--out", out, "SuspensionMixer"];
     let mut both = ["2", "3"].map(|version| {
-        let mut command = copy.prepared(&cargo_fmu, &arguments(version, &format!("target/at_once_{version}")));
+        let arguments = ["fmu", "pack", "--no-portable", "--debug", "SuspensionMixer", "--fmi", version];
+        let mut command = copy.prepared(&cargo_fmu, &arguments);
+        command.args(["--out", &format!("target/at_once_{version}")]);
         command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the command starts")
     });
     for call in &mut both {

@@ -152,7 +152,10 @@ impl Variable {
             );
             let message = match text.as_str() {
                 "unit" => "only real variables have a unit".to_owned(),
-                "min" | "max" | "positive" if allowed.contains(&"tunable") => {
+                "positive" if allowed.contains(&"tunable") => {
+                    format!("`{key}` requires a number: this variable has no limits")
+                }
+                "min" | "max" if allowed.contains(&"start") && !allowed.contains(&"local") => {
                     format!("`{key}` requires a number: this variable has no limits")
                 }
                 "min" | "max" => format!("`{key}` is only allowed on parameters, inputs and outputs"),
@@ -269,7 +272,7 @@ impl Variable {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
                 let span = value.span();
                 let limit = if content == Content::Integer {
-                    let key = Ident::new(if key == "min" { "least" } else { "greatest" }, span);
+                    let key = Ident::new(&format!("whole_{key}"), span);
                     let ty = innermost(ty);
                     quote_spanned!(span=> #key = ::core::option::Option::Some(#root::whole_limit::<#ty>(#value)))
                 } else {

@@ -3,7 +3,8 @@
 use heck::ToSnakeCase as _;
 use proc_macro2::TokenStream;
 use quote::quote;
-use syn::{Data, DeriveInput, Error, Expr, ExprLit, Fields, Ident, Lit, Result};
+use syn::punctuated::Punctuated;
+use syn::{Data, DeriveInput, Error, Expr, ExprLit, Fields, Ident, Lit, Meta, Result, Token};
 
 use crate::attribute::{doc, root};
 use crate::errors::Errors;
@@ -53,7 +54,7 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
         return errors.finish(crate::stubs::enumeration(input));
     }
     let text = name.to_string();
-    let size = errors.keep(size(input)).unwrap_or_else(|| name.clone());
+    let size = size(input);
     errors.finish(quote! {
         impl #root::Enumeration for #name {
             const NAME: &'static str = #text;
@@ -80,12 +81,13 @@ pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-/// FMI 3.0 name of the integer type in `#[repr(…)]`. The compiler reports a variant whose number does not fit.
-fn size(input: &DeriveInput) -> Result<Ident> {
+/// FMI 3.0 name of the integer type in `#[repr(…)]`. The compiler reports a variant whose number does not fit, and mistakes
+/// in the attribute.
+fn size(input: &DeriveInput) -> Ident {
     let mut name = "Int32";
     for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("repr")) {
-        attribute.parse_nested_meta(|meta| {
-            let Some(ident) = meta.path.get_ident() else { return Ok(()) };
+        let Ok(list) = attribute.parse_args_with(Punctuated::<Meta, Token![,]>::parse_terminated) else { continue };
+        for ident in list.iter().filter_map(|meta| meta.path().get_ident()) {
             name = match ident.to_string().as_str() {
                 "i8" => "Int8",
                 "u8" => "UInt8",
@@ -96,8 +98,7 @@ fn size(input: &DeriveInput) -> Result<Ident> {
                 "u64" => "UInt64",
                 _ => name,
             };
-            Ok(())
-        })?;
+        }
     }
-    Ok(Ident::new(name, input.ident.span()))
+    Ident::new(name, input.ident.span())
 }

@@ -123,8 +123,8 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
             return Err(Error::new_spanned(&parameter.ident, message));
         }
         [ref other, ..] if block == Block::Parameters => {
-            let message = "parameters are f64, i32, bool, String or enumerations; only inputs, outputs and states have \
-                           the number type of the equations";
+            let message = "parameters have fixed types, such as `f64`; only inputs, outputs and states have the number \
+                           type of the equations";
             return Err(Error::new_spanned(other, message));
         }
         _ => {
@@ -383,7 +383,10 @@ fn part(
     }
     if block == Block::State && (matches!(content, Content::Integer | Content::Binary | Content::Other) || is_f32(&ty))
     {
-        errors.add(Error::new_spanned(&ty, "a continuous state is real: `T`, or an array of it"));
+        errors.add(Error::new_spanned(
+            &ty,
+            "a continuous state is `T`, the number type of the equations, or an array of it",
+        ));
     }
     if block == Block::Parameters && !variable.is_explicit {
         errors.add(Error::new_spanned(&name, "a parameter needs a start value, as in `#[var(start = 1.0)]`"));

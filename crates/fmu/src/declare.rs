@@ -35,9 +35,9 @@ pub struct Spec {
     /// Greatest value.
     pub max: Option<f64>,
     /// Least value of an integer.
-    pub least: Option<i128>,
+    pub whole_min: Option<i128>,
     /// Greatest value of an integer.
-    pub greatest: Option<i128>,
+    pub whole_max: Option<i128>,
     /// Usual magnitude.
     pub nominal: Option<f64>,
     /// Names of the elements of an array.
@@ -172,7 +172,11 @@ impl Spec {
     }
 
     pub(crate) fn declare_float32(&self, start: Option<f32>, all: &mut Vec<Declaration>) {
-        self.add(self.text(), Kind::Float32(self.real(start.map(f64::from))), all);
+        let mut real = self.real(start.map(f64::from));
+        for limit in [&mut real.min, &mut real.max] {
+            *limit = limit.map(|limit| f64::from(limit as f32));
+        }
+        self.add(self.text(), Kind::Float32(real), all);
     }
 
     fn real(&self, start: Option<f64>) -> Real {
@@ -188,8 +192,8 @@ impl Spec {
         let kind = Kind::Integer {
             size,
             start: start.unwrap_or(0),
-            min: self.least.or(self.min.map(|min| min as i128)).unwrap_or(*range.start()),
-            max: self.greatest.or(self.max.map(|max| max as i128)).unwrap_or(*range.end()),
+            min: self.whole_min.or(self.min.map(|min| min.ceil() as i128)).unwrap_or(*range.start()),
+            max: self.whole_max.or(self.max.map(|max| max.floor() as i128)).unwrap_or(*range.end()),
             type_name: "",
             items: &[],
             is_enumeration: false,

@@ -218,7 +218,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     return Some(format!("'{name}': {} cannot be displayed in {}", real.unit.name, display.name));
                 }
             }
-            Kind::Integer { start, min, max, items, type_name, is_enumeration, .. } => {
+            Kind::Integer { size, start, min, max, items, type_name, is_enumeration } => {
                 if !(min..=max).contains(&start) {
                     return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
@@ -228,7 +228,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                         "'{name}': an item of {type_name} has a control character that XML cannot hold"
                     ));
                 }
-                if !items.is_empty() && *types.entry(key).or_insert(*items) != *items {
+                if !items.is_empty() && *types.entry(key).or_insert((*size, *items)) != (*size, *items) {
                     return Some(format!(
                         "'{name}': the enumeration {type_name} is defined differently for another variable"
                     ));

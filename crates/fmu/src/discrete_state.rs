@@ -1,5 +1,7 @@
 //! The discrete state of a model, kept from one sample or event to the next.
 
+use crate::number::Number as _;
+
 /// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState), `Clone` and `Default`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a discrete state",
@@ -30,8 +32,10 @@ impl DiscreteState for () {}
 pub enum Word<'a> {
     /// A real number.
     Real(f64),
-    /// A count, an index, an Integer or a Boolean.
+    /// A count, an index or an Integer. Signed integers are sign-extended.
     Whole(u64),
+    /// A Boolean, or the value of an enumeration.
+    Choice(u64),
     /// A String, or bytes.
     Bytes(&'a [u8]),
 }
@@ -43,6 +47,7 @@ impl Word<'_> {
             Self::Real(value) => (0, value.to_bits()),
             Self::Whole(value) => (1, value),
             Self::Bytes(value) => (2, value.len() as u64),
+            Self::Choice(value) => (3, value),
         };
         bytes.push(mark);
         bytes.extend(number.to_le_bytes());
@@ -76,6 +81,7 @@ impl<'a> Words<'a> {
                 let length = self.u64()?;
                 self.bytes_of(length).map(Word::Bytes)
             }
+            [3] => self.u64().map(Word::Choice),
             [kind] => Err(format!("unknown kind of value {kind}")),
         }
     }
@@ -91,6 +97,13 @@ impl<'a> Words<'a> {
         match self.next()? {
             Word::Whole(value) => Ok(value),
             other => Err(format!("'{name}' must be a whole number, got {other:?}")),
+        }
+    }
+    /// Reads a Boolean or the value of an enumeration. Fails like [`Self::real`].
+    pub fn choice(&mut self, name: &str) -> Result<u64, String> {
+        match self.next()? {
+            Word::Choice(value) => Ok(value),
+            other => Err(format!("'{name}' must be a Boolean or the value of an enumeration, got {other:?}")),
         }
     }
     /// Reads bytes. Fails like [`Self::real`].
@@ -149,37 +162,27 @@ impl StateField for f32 {
 }
 
 macro_rules! integer_state_fields {
-    ($($type:ident of $bits:ident;)*) => {$(
+    ($($type:ty)*) => {$(
         impl StateField for $type {
             fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
-                sink(Word::Whole((*self as $bits).into()));
+                sink(Word::Whole(self.word()));
             }
             fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
                 let word = source.whole(name)?;
-                let bits = $bits::try_from(word);
-                *self = bits.map_err(|_| format!("'{name}' must fit in {} bits, got {word}", Self::BITS))? as Self;
-                Ok(())
+                *self = Self::of(word);
+                if self.word() == word { Ok(()) } else { Err(format!("'{name}' must fit in {} bits, got {word}", Self::BITS)) }
             }
         }
     )*};
 }
-integer_state_fields! {
-    i8 of u8;
-    u8 of u8;
-    i16 of u16;
-    u16 of u16;
-    i32 of u32;
-    u32 of u32;
-    i64 of u64;
-    u64 of u64;
-}
+integer_state_fields! { i8 u8 i16 u16 i32 u32 i64 u64 }
 
 impl StateField for bool {
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
-        sink(Word::Whole(u64::from(*self)));
+        sink(Word::Choice(u64::from(*self)));
     }
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
-        *self = match source.whole(name)? {
+        *self = match source.choice(name)? {
             0 => false,
             1 => true,
             other => return Err(format!("'{name}' must be 0 or 1, got {other}")),

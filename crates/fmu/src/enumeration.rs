@@ -67,7 +67,7 @@ macro_rules! enumeration_fields {
         }
         impl $crate::StateField for $name {
             fn save(&self, sink: &mut dyn FnMut($crate::Word<'_>)) {
-                $crate::StateField::save(&$crate::Enumeration::value(self), sink);
+                sink($crate::Word::Choice($crate::Enumeration::value(self) as u64));
             }
             fn load(
                 &mut self,
@@ -84,7 +84,7 @@ macro_rules! enumeration_fields {
 /// Restores a variant. Fails if the value is missing, has another type, or is not in the enumeration.
 #[doc(hidden)]
 pub fn load<E: Enumeration>(name: &'static str, source: &mut Words<'_>) -> Result<E, String> {
-    let word = source.whole(name)?;
-    let value = u32::try_from(word).ok().and_then(|word| E::from_value(word.cast_signed()));
+    let word = source.choice(name)?;
+    let value = i32::try_from(word).ok().and_then(E::from_value);
     value.ok_or_else(|| format!("'{name}' = {word} is not a value of {}", E::NAME))
 }

@@ -363,13 +363,19 @@ impl<M: Model> Instance<M> {
         are_computed && self.outputs_are_old
     }
 
+    #[inline]
+    fn converts_float32(&self) -> bool {
+        self.protocol.version == Version::Fmi2 && self.layout().has_float32
+    }
+
     /// Returns true if a call may do arithmetic, and so needs the default floating-point environment. Setting real
     /// values only compares finite numbers; only continuous-time models compute when values are read after the start.
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {
-            // FMI 2.0 sets numbers of 32 bits as Reals, which are rounded.
-            Function::SetReal => self.protocol.version == Version::Fmi2 && self.layout().has_float32,
+            // FMI 2.0 reads and sets a Float32 as a Real, which is converted.
+            Function::GetReal | Function::SetReal if self.converts_float32() => true,
+            Function::SetReal => false,
             Function::GetReal => M::KIND == ModelKind::Continuous || self.is_before_start() || self.is_stale(),
             _ => true,
         }

@@ -8,6 +8,18 @@ pub(crate) fn text(number: i128) -> String {
     i64::try_from(number).map_or_else(|_| (number as u64).to_string(), |number| number.to_string())
 }
 
+/// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host.
+#[inline]
+pub(crate) const fn is_finite(value: f64) -> bool {
+    value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
+}
+
+/// As [`is_finite`], for the word of an `f32`.
+#[inline]
+pub(crate) const fn is_finite_f32(word: u64) -> bool {
+    word & 0x7f80_0000 != 0x7f80_0000
+}
+
 /// A number that is stored in a word. Signed integers are sign-extended; an `f32` is stored as its bits.
 pub trait Number: Copy + Display {
     /// Number of bits and sign of an integer; `None` for `f32`.

@@ -20,8 +20,9 @@ use crate::definition::Definition;
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::expression::Expression;
 use crate::model::{Influence, Info};
+use crate::number::{Number as _, is_finite_f32};
 use crate::store::{Counts, ValueStore};
-use crate::variable::{Block, Declarations, Layout};
+use crate::variable::{Block, Declarations, Kind as Type, Layout, Variable};
 use crate::variables::{Derived, Parameters, Variables as _};
 
 /// Kind of model.
@@ -225,12 +226,31 @@ fn became(name: &str, value: f64, time: f64) -> String {
 }
 
 #[inline]
-fn check_reals(layout: &Layout, block: Block, reals: &[f64], time: f64) -> Result<(), String> {
+fn check_reals(layout: &Layout, block: Block, values: &ValueStore, time: f64) -> Result<(), String> {
+    let reals = &values.reals;
     if are_finite(&reals[block.reals()]) {
-        return Ok(());
+        return if layout.has_float32 && block.counts.words > 0 {
+            check_float32s(layout, block, &values.words, time)
+        } else {
+            Ok(())
+        };
     }
     let index = block.reals().find(|&i| !reals[i].is_finite()).unwrap_or(block.at.reals);
     Err(became(layout.real_name(index), reals[index], time))
+}
+
+fn check_float32s(layout: &Layout, block: Block, words: &[u64], time: f64) -> Result<(), String> {
+    let all = block.at.words..block.at.words + block.counts.words;
+    let is_bad = |variable: &&Variable| {
+        matches!(variable.declaration.kind, Type::Float32(_))
+            && all.contains(&variable.index)
+            && !is_finite_f32(words[variable.index])
+    };
+    layout
+        .variables
+        .iter()
+        .find(is_bad)
+        .map_or(Ok(()), |variable| Err(became(&variable.declaration.name, f32::of(words[variable.index]).into(), time)))
 }
 
 #[inline]

@@ -5,7 +5,7 @@ use std::ops::{Range, RangeInclusive};
 use crate::bytes::Buffer;
 use crate::calls::Version;
 use crate::enumeration::Item;
-use crate::number::{self, Number as _, Size};
+use crate::number::{self, Number as _, Size, is_finite_f32};
 use crate::store::{Counts, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
 
@@ -197,14 +197,8 @@ pub struct Layout {
     pub indicators: Indicators,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
     pub solver: Option<usize>,
-    /// First value reference of the words.
-    pub first_word: u32,
-    /// First value reference of the Booleans.
-    pub first_boolean: u32,
-    /// First value reference of the Strings.
-    pub first_string: u32,
-    /// First value reference of the Binaries.
-    pub first_binary: u32,
+    /// First value reference of each type.
+    pub first: Counts,
     /// One past the last value reference.
     pub end: u32,
     /// True if there is a Float32.
@@ -232,6 +226,19 @@ pub struct Declarations {
     pub solver: Option<&'static str>,
 }
 
+impl Variable {
+    /// Returns true if the variable may have the value in a word.
+    pub(crate) fn accepts(&self, word: u64) -> bool {
+        let kind = &self.declaration.kind;
+        // The order matters: a comparison with NaN could raise an exception that the host does not mask.
+        kind.holds(word) && (!self.has_limits() || kind.is_within_limits(word))
+    }
+    /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.
+    pub(crate) fn has_limits(&self) -> bool {
+        self.role == Role::Parameter
+    }
+}
+
 impl Layout {
     /// Assigns positions and value references to the declared variables.
     pub fn new(declared: Declarations) -> Self {
@@ -256,17 +263,17 @@ impl Layout {
             total = total.plus(counts);
             Block { at, counts }
         });
-        let mut first = [0_u32; 6];
-        for (i, count) in
-            [total.reals, total.words, total.booleans, total.strings, total.binaries].into_iter().enumerate()
-        {
-            first[i + 1] = first[i] + u32::try_from(count).expect("fewer than 2^32 variables");
-        }
+        let words = total.reals;
+        let booleans = words + total.words;
+        let strings = booleans + total.booleans;
+        let binaries = strings + total.strings;
+        let first = Counts { reals: 0, words, booleans, strings, binaries };
+        let end = u32::try_from(binaries + total.binaries).expect("fewer than 2^32 variables");
         let mut positions = vec![0; variables.len()];
         for (position, variable) in variables.iter_mut().enumerate() {
-            variable.reference =
-                first[variable.declaration.kind.type_number()] + u32::try_from(variable.index).expect("checked above");
-            positions[variable.reference as usize] = position;
+            let reference = variable.declaration.kind.of(first) + variable.index;
+            variable.reference = u32::try_from(reference).expect("below the end");
+            positions[reference] = position;
         }
         let is_solver = |variable: &&Variable| {
             variable.role == Role::Parameter && Some(variable.declaration.name.as_str()) == declared.solver
@@ -281,11 +288,8 @@ impl Layout {
             derivatives,
             indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
-            first_word: first[1],
-            first_boolean: first[2],
-            first_string: first[3],
-            first_binary: first[4],
-            end: first[5],
+            first,
+            end,
             has_float32: variables.iter().any(|variable| matches!(variable.declaration.kind, Kind::Float32(_))),
             variables,
             positions,
@@ -436,11 +440,6 @@ impl Declaration {
     }
 }
 
-/// Returns true if the word of an `f32` is finite, by its bits: independent of the floating-point environment.
-pub(crate) const fn is_finite_f32(word: u64) -> bool {
-    word & 0x7f80_0000 != 0x7f80_0000
-}
-
 impl Kind {
     const fn counts(&self) -> Counts {
         match self {
@@ -472,12 +471,8 @@ impl Kind {
             _ => false,
         }
     }
-    /// Returns true if a word is a value of this type within the limits.
-    pub(crate) fn takes(&self, word: u64) -> bool {
-        // Checked first: a comparison with NaN could raise an exception that the host does not mask.
-        if !self.holds(word) {
-            return false;
-        }
+    /// Returns true if a word, a value of this type, is within the limits.
+    fn is_within_limits(&self, word: u64) -> bool {
         match self {
             Self::Float32(real) => real.range().contains(&f32::of(word).into()),
             Self::Integer { size, min, max, .. } => (*min..=*max).contains(&size.value(word)),
@@ -503,15 +498,6 @@ impl Kind {
         match self {
             Self::Real(real) | Self::Float32(real) => Some(real),
             _ => None,
-        }
-    }
-    fn type_number(&self) -> usize {
-        match self {
-            Self::Real(_) => 0,
-            Self::Float32(_) | Self::Integer { .. } => 1,
-            Self::Boolean { .. } => 2,
-            Self::String { .. } => 3,
-            Self::Binary { .. } => 4,
         }
     }
     /// Name of the type in a version of the FMI standard.

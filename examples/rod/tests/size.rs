@@ -105,7 +105,7 @@ rods! {
 /// An initialized instance with the given values of the parameter and the Boolean input.
 fn instance<E: Export>(exchange: f64, ring: bool) -> Instance<E::Model> {
     let description = E::description();
-    let ring_reference = description.layout.first_boolean;
+    let ring_reference = description.layout.first.booleans as u32;
     let mut fmu = Instance::new(Protocol::CS3, description, PathBuf::new());
     fmu.enter_initialization().unwrap();
     fmu.set_real(&[0], &[exchange]).unwrap();
@@ -187,7 +187,7 @@ fn an_adjoint_derivative_takes_one_evaluation_for_each_group_of_columns() {
 #[test]
 fn a_structure_that_changes_during_a_run_is_determined_again() {
     let layout = &short::Rod::description().layout;
-    let (heat, ring) = (layout.inputs.at.reals as u32, layout.first_boolean);
+    let (heat, ring) = (layout.inputs.at.reals as u32, layout.first.booleans as u32);
     let (state, _) = references::<short::Rod>();
     let all: Vec<_> = (state..state + short::CELLS as u32).collect();
     let run = |mut fmu: Instance<_>| {

@@ -2,7 +2,7 @@
 
 use super::{CheckResult, Report, Trial, derivative_problem, describe, found};
 use crate::Finding;
-use fmu_import::description::{BaseType, Causality, DataType, Unknown, Variability};
+use fmu_import::description::{BaseType, Causality, Unknown, Variability};
 
 impl Trial<'_> {
     /// Tests the capabilities that the description declares, except saved states, which have a separate trial.
@@ -85,7 +85,7 @@ impl Trial<'_> {
         // A discrete Float32 need not be differentiable.
         let is_real = |i: &usize| {
             let variable = self.variable(*i);
-            let is_smooth = variable.data_type == DataType::Float64 || variable.variability == Variability::Continuous;
+            let is_smooth = variable.variability != Variability::Discrete;
             variable.base_type == BaseType::Real && is_smooth && !variable.is_array()
         };
         let real = |list: &[Unknown]| -> Vec<Unknown> {

@@ -112,11 +112,12 @@ static void format_message(char *out, size_t size, const char *format, va_list *
 
 void fmu_import_logger(void *environment, const char *instance, int status, const char *category, const char *format, ...) {
     /* Not on the stack, because threads that call an FMU may have a small stack. */
-    char *text = calloc(MOST + 1, 1);
+    char *text = malloc(MOST + 1);
     va_list list;
     va_start(list, format);
+    if (text) *text = 0;
     if (text && format) format_message(text, MOST + 1, format, &list);
     va_end(list);
-    fmu_import_message(environment, instance, status, category, text ? text : format);
+    fmu_import_message(environment, instance, status, category, text ? text : "(no memory for this message)");
     free(text);
 }

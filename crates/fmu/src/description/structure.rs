@@ -52,7 +52,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             Kind::Integer { items, .. } if !items.is_empty() => {
                 branches.push((true, variable, items.iter().map(|item| item.value.word()).collect()));
             }
-            Kind::Integer { min, max, .. } if max - min < MOST_VALUES as i128 => {
+            Kind::Integer { min, max, .. } if variable.has_limits() && max - min < MOST_VALUES as i128 => {
                 branches.push((true, variable, (*min..=*max).map(|value| value as u64).collect()));
             }
             Kind::Boolean { .. } => branches.push((false, variable, vec![0, 1])),
@@ -194,12 +194,13 @@ fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
     layout.variables.iter().filter(is_other)
 }
 
-/// Returns a note if the equations may read a String, or an Integer without limits, and the variable therefore adds too
-/// many dependencies.
+/// Returns a note if the equations may read a variable with too many values to try (a Float32, String or Binary, or an
+/// Integer without limits), which therefore adds too many dependencies.
 fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
     let name = &variable.declaration.name;
     let is_integer = matches!(variable.declaration.kind, Kind::Integer { .. });
-    let limits = if is_integer { "give it `min` and `max` less than 64 apart, or " } else { "" };
+    let limits =
+        if is_integer && variable.has_limits() { "give it `min` and `max` less than 64 apart, or " } else { "" };
     if variable.role == Role::Input {
         let instead = match variable.declaration.kind {
             Kind::Float32(_) => "use the number type of the equations",

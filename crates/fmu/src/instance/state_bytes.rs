@@ -194,7 +194,7 @@ pub(crate) fn read<M: Model>(
                     return Err(format!("'{name}' = {value} is not in [{min}, {max}]"));
                 }
             }
-            kind @ (Kind::Float32(_) | Kind::Integer { .. }) if !kind.takes(values.words[variable.index]) => {
+            kind @ (Kind::Float32(_) | Kind::Integer { .. }) if !variable.accepts(values.words[variable.index]) => {
                 return Err(format!("'{name}' = {} is not one of its values", kind.text(values.words[variable.index])));
             }
             Kind::String { .. } if values.strings[variable.index].contains('\0') => {

@@ -4,36 +4,29 @@ use std::ffi::CStr;
 
 use super::{CallError, CallResult, Instance, text, texts};
 use crate::calls::{Function, Interface, Mode, Version};
-use crate::number::{self, Number, Size};
+use crate::number::{self, Number, Size, is_finite, is_finite_f32};
 use crate::runner::Model;
 use crate::store::ValueStore;
-use crate::variable::{Declaration, Kind, Real, Role, Variable, is_finite_f32};
-
-/// Returns true if a number is finite. Tests the bits, and so does not depend on the floating-point environment of the
-/// host, see [`Instance::may_compute`].
-#[inline]
-const fn is_finite(value: f64) -> bool {
-    value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
-}
+use crate::variable::{Declaration, Kind, Role, Variable};
 
 /// FMI name of the variable type that a function reads or sets.
 fn type_of(function: Function, version: Version) -> &'static str {
-    let name = function.name(version);
-    // fmi3GetInt64 and fmi3SetInt64 are also for enumerations.
-    if name.ends_with("Int64") && !name.ends_with("UInt64") { "Int64 or Enumeration" } else { &name["fmi2Set".len()..] }
+    match function {
+        Function::GetInt64 | Function::SetInt64 => "Int64 or Enumeration",
+        _ => &function.name(version)["fmi2Set".len()..],
+    }
 }
 
-/// Validates a number: it must be a value of the type and, for a parameter, within the limits. The limits of an input
-/// are only information for importers.
-fn word_rule<V: Number>(Variable { role, declaration, .. }: &Variable, value: V) -> Result<(), String> {
-    let kind = &declaration.kind;
+/// Validates a number for a variable.
+fn word_rule<V: Number>(variable: &Variable, value: V) -> Result<(), String> {
+    let kind = &variable.declaration.kind;
     let word = value.word();
     // In FMI 2.0, the importer may pass an Integer that is not a value of the type, such as -1 for `u64`.
     let is_same = match (kind, V::SIZE) {
         (Kind::Integer { size, .. }, Some(given)) => size.value(word) == given.value(word),
         _ => true,
     };
-    if is_same && (kind.takes(word) || (*role == Role::Input && kind.holds(word))) {
+    if is_same && variable.accepts(word) {
         return Ok(());
     }
     let expected = match kind {
@@ -41,11 +34,15 @@ fn word_rule<V: Number>(Variable { role, declaration, .. }: &Variable, value: V)
             let names: Vec<_> = items.iter().map(|item| format!("{} ({})", item.value, item.name)).collect();
             names.join(" or ")
         }
-        Kind::Integer { min, max, .. } => format!("in [{}, {}]", number::text(*min), number::text(*max)),
-        _ => {
-            let range = kind.real().map_or(f64::NEG_INFINITY..=f64::INFINITY, Real::range);
+        Kind::Integer { size, min, max, .. } => {
+            let range = if variable.has_limits() { *min..=*max } else { size.range() };
+            format!("in [{}, {}]", number::text(*range.start()), number::text(*range.end()))
+        }
+        Kind::Float32(real) if variable.has_limits() && (real.min, real.max) != (None, None) => {
+            let range = real.range();
             format!("a finite number in [{}, {}]", range.start(), range.end())
         }
+        _ => "a finite Float32".to_owned(),
     };
     Err(format!("must be {expected}, got {value}"))
 }
@@ -71,18 +68,26 @@ impl<M: Model> Instance<M> {
         self.check(Function::GetReal)?;
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
-        if last as usize >= layout.reals() && !references.is_empty() {
-            return self.get_real_of_any_size(references, values);
+        // After the Float64s.
+        let has_others = last as usize >= layout.reals() && !references.is_empty();
+        if has_others {
+            let is_real =
+                |&reference: &u32| (reference as usize) < layout.reals() || self.is_float32_of_fmi2(reference);
+            if let Some(&reference) = references.iter().find(|reference| !is_real(reference)) {
+                return Err(self.unknown_reference(Function::GetReal, reference));
+            }
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
-        let calculated = self.is_stale() && references.iter().any(|&reference| waits(reference as usize));
+        let calculated =
+            self.is_stale() && (has_others || references.iter().any(|&reference| waits(reference as usize)));
         let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
         let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
-        let outputs = self.outputs_are_due() && references.iter().any(is_output);
+        let outputs = self.outputs_are_due() && (has_others || references.iter().any(is_output));
         self.refresh(calculated, outputs, last as usize >= layout.derivatives.at.reals)?;
         let reals = &self.values.reals;
+        let is_bad = |&&reference: &&u32| !reals.get(reference as usize).is_none_or(|real| is_finite(*real));
         if self.has_not_finite
-            && let Some(&reference) = references.iter().find(|&&reference| !reals[reference as usize].is_finite())
+            && let Some(&reference) = references.iter().find(is_bad)
         {
             let message = self.not_finite(reference as usize);
             return Err(match self.protocol.interface {
@@ -91,34 +96,26 @@ impl<M: Model> Instance<M> {
             });
         }
         for (value, &reference) in values.iter_mut().zip(references) {
-            *value = reals[reference as usize];
+            match self.values.reals.get(reference as usize) {
+                Some(real) => *value = *real,
+                None => *value = self.float32(Function::GetReal, reference)?.into(),
+            }
         }
         Ok(())
     }
 
-    /// fmi2GetReal if some values have 32 bits.
-    #[cold]
-    fn get_real_of_any_size(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
-        let mut each = |write: &mut dyn FnMut(usize, f64)| {
-            references.iter().enumerate().try_for_each(|(i, &reference)| {
-                let mut value = [0.0];
-                if self.is_float32_of_fmi2(reference) {
-                    value = [self.get_number::<f32>(Function::GetReal, reference)?.into()];
-                } else if (reference as usize) < self.layout().reals() {
-                    self.get_real(&[reference], &mut value)?;
-                } else {
-                    return Err(self.unknown_reference(Function::GetReal, reference));
-                }
-                write(i, value[0]);
-                Ok(())
-            })
-        };
-        // The first pass writes nothing, so that no value is written if a reference is rejected.
-        each(&mut |_, _| {})?;
-        each(&mut |i, value| values[i] = value)
+    /// The value of a Float32, if it is finite.
+    fn float32(&self, function: Function, reference: u32) -> CallResult<f32> {
+        let word = self.values.words[reference as usize - self.layout().first.words];
+        if is_finite_f32(word) {
+            return Ok(f32::of(word));
+        }
+        let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
+        let (value, time) = (f32::of(word), self.clock.time);
+        Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")))
     }
 
-    /// Returns true for a number of 32 bits in FMI 2.0, which declares it as a Real.
+    /// Returns true for a Float32 in FMI 2.0, which declares it as a Real.
     fn is_float32_of_fmi2(&self, reference: u32) -> bool {
         let variable = self.layout().by_reference(reference);
         let is_float32 = variable.is_some_and(|variable| matches!(variable.declaration.kind, Kind::Float32(_)));
@@ -198,13 +195,10 @@ impl<M: Model> Instance<M> {
     /// finite.
     pub fn get_number<V: Number>(&mut self, function: Function, reference: u32) -> CallResult<V> {
         let index = self.readable(function, reference, Self::number::<V>)?;
-        let word = self.values.words[index];
-        if V::SIZE.is_none() && !is_finite_f32(word) {
-            let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
-            let (value, time) = (f32::of(word), self.clock.time);
-            return Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")));
+        if V::SIZE.is_none() {
+            self.float32(function, reference)?;
         }
-        Ok(V::of(word))
+        Ok(V::of(self.values.words[index]))
     }
 
     /// fmi2GetInteger. Fails if the reference is unknown or the number does not fit in 32 bits.

@@ -81,7 +81,7 @@ fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D
     values.binaries.iter().for_each(|value| add_bytes(value));
     discrete.save(&mut |word| match word {
         Word::Real(value) => add_bytes(&value.to_bits().to_ne_bytes()),
-        Word::Whole(value) => add_bytes(&value.to_ne_bytes()),
+        Word::Whole(value) | Word::Choice(value) => add_bytes(&value.to_ne_bytes()),
         Word::Bytes(bytes) => add_bytes(bytes),
     });
     hash
@@ -298,8 +298,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
             (Role::Output, Type::Real(_)) => Some(reals[variable.index - layout.outputs.at.reals]),
             (Role::Output, Type::Float32(_)) => Some(f64::from(f32::of(others.words[variable.index])).into()),
-            (Role::Output, Type::Integer { size, .. }) => {
-                Some((size.value(others.words[variable.index]) as f64).into())
+            (Role::Output, Type::Integer { .. }) => {
+                Some(Expression::bytes(&others.words[variable.index].to_le_bytes()))
             }
             (Role::Output, Type::Boolean { .. }) => Some(f64::from(others.booleans[variable.index]).into()),
             (Role::Output, Type::String { .. }) => Some(Expression::text(&others.strings[variable.index])),
@@ -369,7 +369,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         x.write(&mut values.view_mut(), layout.states.at);
-        check_reals(layout, layout.states, &values.reals, time)
+        check_reals(layout, layout.states, values, time)
             .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
         if layout.indicators.declared > 0 {
             let now = p.zero_crossings(At { time, state: &x, inputs, derived, discrete: &discrete });

@@ -30,7 +30,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
         p.check(&Sample { time, state, inputs, derived })?;
         let outputs = p.update(Sample { time, state, inputs, derived });
         outputs.write(&mut values.view_mut(), layout.outputs.at);
-        check_reals(layout, layout.outputs, &values.reals, time)?;
+        check_reals(layout, layout.outputs, values, time)?;
         check_discrete(state, time)
     }
 }

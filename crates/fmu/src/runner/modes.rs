@@ -3,9 +3,6 @@
 use crate::combinations::MOST_VALUES;
 use crate::discrete_state::{DiscreteState, Word, Words};
 
-/// Numbers that no enumeration is expected to contain. A field that rejects one of them is a Boolean or an enumeration.
-const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
-
 /// Booleans and enumerations in a discrete state: the position of each among the fields, and its values. Integers are
 /// left out, because they may be counts or indices, and the equations need not be valid for all their values.
 #[derive(Debug, Default)]
@@ -15,10 +12,9 @@ impl Modes {
     pub(super) fn of<D: DiscreteState + Clone>(discrete: &D) -> Self {
         let words = words(discrete);
         let is_possible = |at: usize, value: u64| with(discrete, words.clone(), &[(at, value)]).is_some();
-        let is_limited = |at: usize| NOT_LISTED.iter().any(|&value| !is_possible(at, value));
         let values = |at: usize| (0..MOST_VALUES as u64).filter(|&value| is_possible(at, value)).collect::<Vec<_>>();
-        let whole = (0..words.len()).filter(|&at| Words(&words[at]).whole("").is_ok() && is_limited(at));
-        Self(whole.map(|at| (at, values(at))).filter(|(_, values)| !values.is_empty()).collect())
+        let choices = (0..words.len()).filter(|&at| Words(&words[at]).choice("").is_ok());
+        Self(choices.map(|at| (at, values(at))).filter(|(_, values)| !values.is_empty()).collect())
     }
 
     /// The number of values for each field.
@@ -47,7 +43,7 @@ fn bytes(word: Word<'_>) -> Vec<u8> {
 
 fn with<D: DiscreteState + Clone>(discrete: &D, mut words: Vec<Vec<u8>>, changes: &[(usize, u64)]) -> Option<D> {
     for &(at, value) in changes {
-        words[at] = bytes(Word::Whole(value));
+        words[at] = bytes(Word::Choice(value));
     }
     let mut state = discrete.clone();
     state.load(&mut Words(&words.concat())).ok().map(|()| state)

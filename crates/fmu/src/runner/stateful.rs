@@ -50,7 +50,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         p.step(run, &inputs, step.time, step.step)?;
         p.outputs(run).write(&mut values.view_mut(), layout.outputs.at);
-        check_reals(layout, layout.outputs, &values.reals, step.time + step.step)
+        check_reals(layout, layout.outputs, values, step.time + step.step)
             .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
         Ok(None)
     }

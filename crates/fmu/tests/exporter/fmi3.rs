@@ -321,7 +321,7 @@ fn messages_name_the_types_of_the_version() {
     let instance = Instance::<Carts>::co_simulation(false);
     let layout = &CartPair::description().layout;
     let mut value = [0.0];
-    assert_eq!(instance.get(&[layout.first_word], &mut value), Status::Error);
+    assert_eq!(instance.get(&[layout.first.words as u32], &mut value), Status::Error);
     let error = instance.error();
     assert!(error.contains("must be a variable of type Float64, it is"), "{error}");
 }

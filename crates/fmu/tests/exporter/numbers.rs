@@ -218,7 +218,7 @@ fn the_function_of_another_type_names_the_right_one() {
     assert!(message.contains("of type Int64 or Enumeration, it is 'u.int8' of type Int8"), "{message}");
     for value in [f32::NAN, f32::INFINITY] {
         let message = set(&instance, Function::SetFloat32, "u.float32", value).unwrap_err();
-        assert!(message.contains("'u.float32' must be a finite number in [-inf, inf]"), "{message}");
+        assert!(message.contains("'u.float32' must be a finite Float32, got"), "{message}");
     }
     let message = set::<u8>(&instance, Function::SetUInt8, "p.level", 199).unwrap_err();
     assert!(message.contains("must be 0 (low) or 200 (high), got 199"), "{message}");
@@ -366,8 +366,14 @@ fn fmi_2_has_the_numbers_that_fit() {
         assert!(message.contains(&format!("'int8' must be in [-128, 127], got {value}")), "{message}");
     }
     let message = error_of(fmu.0.set_integer(&[of("count")], &[-1]));
-    assert!(message.contains("'count' must be in [0, 10], got -1"), "{message}");
+    assert!(message.contains("'count' must be in [0, 18446744073709551615], got -1"), "{message}");
+    // The limit of an input is information for the importer, also in a saved state.
     fmu.0.set_integer(&[of("count")], &[11]).unwrap();
+    let saved = fmu.0.serialize(&fmu.0.snapshot().unwrap()).unwrap();
+    let mut other = Fmu::<Small>::new();
+    let copy = other.0.deserialize(&saved).unwrap();
+    other.0.restore(&copy).unwrap();
+    assert_eq!(other.0.get_integer(of("count")).unwrap(), 11);
     let message = error_of(fmu.0.set_integer(&[of("uint64")], &[-1]));
     assert!(message.contains("'uint64' must be in [0, 2147483647], got -1"), "{message}");
     fmu.0.set_integer(&[of("uint64")], &[40_000]).unwrap();
@@ -411,7 +417,69 @@ impl Discrete for Overflow {
 fn a_result_that_is_not_finite_is_an_error() {
     let mut fmu = Fmu::<Overflow>::initializing(0.0);
     fmu.0.exit_initialization().unwrap();
-    fmu.step(0.1).unwrap();
-    let message = error_of(fmu.0.get_real(&[reference::<Overflow>("product")], &mut [0.0]));
-    assert!(message.contains("'product' = inf at time 0.1 s, not a finite number"), "{message}");
+    let message = error_of(fmu.step(0.1));
+    assert!(message.contains("'product' became inf at 0 s"), "{message}");
+}
+
+#[derive(Parameters)]
+pub(crate) struct Limited {
+    /// Share (1)
+    #[var(start = 0.1, min = 0.1, max = 0.3, tunable)]
+    share: f32,
+}
+
+#[derive(Outputs)]
+pub(crate) struct LimitedOutputs<T> {
+    /// Entry of a table (1)
+    entry: T,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+pub(crate) struct Place {
+    /// 0 to 2.
+    index: u8,
+    is_last: bool,
+}
+
+/// Reads a table at an index that its discrete state keeps
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Limited {
+    type Outputs<T: Scalar> = LimitedOutputs<T>;
+    type DiscreteState = Place;
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> LimitedOutputs<T> {
+        let entry = [1.0, 2.0, 3.0][usize::from(at.discrete.index)];
+        LimitedOutputs { entry: if at.discrete.is_last { T::from(0.0) } else { T::from(entry) } }
+    }
+    fn next_time_event(&self, at: At<f64, Self>) -> Option<f64> {
+        (!at.discrete.is_last).then(|| 0.25 * f64::from(at.discrete.index + 1))
+    }
+    fn on_event(&self, event: Event<Self>) {
+        let place = event.discrete;
+        place.index = (place.index + 1).min(2);
+        place.is_last = place.index == 2;
+    }
+}
+
+/// Limits are those of the type of the variable: 0.1 as `f64` is below 0.1 as `f32`.
+#[test]
+fn a_float32_takes_its_limits() {
+    let mut fmu = Fmu::<Limited>::initializing(0.0);
+    for share in [0.3, 0.1, f64::from(0.3_f32)] {
+        fmu.0.set_real(&[reference::<Limited>("share")], &[share]).unwrap();
+    }
+    for share in [0.3001, 0.0999] {
+        assert!(error_of(fmu.0.set_real(&[reference::<Limited>("share")], &[share])).contains("in [0.1"), "{share}");
+    }
+}
+
+/// An index is not tried with other values while the model is described: the table would have no such entry.
+#[test]
+fn an_index_of_8_bits_in_a_discrete_state_keeps_its_value() {
+    let mut fmu = Fmu::<Limited>::initializing(0.0);
+    fmu.0.exit_initialization().unwrap();
+    assert_eq!(fmu.get("entry"), 1.0);
+    fmu.step(0.3).unwrap();
+    assert_eq!(fmu.get("entry"), 2.0);
+    fmu.step(0.3).unwrap();
+    assert_eq!(fmu.get("entry"), 0.0);
 }

@@ -23,6 +23,8 @@ pub(super) struct Exchange {
     pub(super) known: Box<[Relational]>,
     /// Results of [`ContinuousModel::eval`].
     pub(super) unknown: Box<[Relational]>,
+    /// Memory for outputs of other types, which are discrete and keep their values between events.
+    others: ValueStore,
 }
 
 impl Exchange {
@@ -38,6 +40,7 @@ impl Exchange {
             announced: f64::INFINITY,
             known: numbers(inputs + states),
             unknown: numbers(outputs.max(states)),
+            others: if layout.outputs.has_others() { ValueStore::start(layout) } else { ValueStore::default() },
         }
     }
 
@@ -110,7 +113,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         part: Part,
         sides: Sides,
     ) {
-        let Exchange { relations, outputs, known, unknown, .. } = exchange;
+        let Exchange { relations, outputs, known, unknown, others, .. } = exchange;
         let (inputs, states) = known.split_at(layout.inputs.counts.reals);
         let at = Counts { reals: 0, ..layout.inputs.at };
         let inputs = &M::Inputs::read(values.with_reals(inputs), at);
@@ -121,16 +124,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             Part::Derivatives => p.derivatives(at).write(&mut ValuesMut::of_reals(unknown), Counts::ZERO),
             Part::Outputs => {
                 let position = Counts { reals: 0, ..layout.outputs.at };
-                let outputs = p.outputs(at);
-                if layout.outputs.has_others() {
-                    // The other outputs are discrete and keep their values between events.
-                    let ValueStore { mut words, mut booleans, mut strings, mut binaries, .. } = values.clone();
-                    let (words, booleans) = (&mut words, &mut booleans);
-                    let (strings, binaries) = (&mut strings, &mut binaries);
-                    outputs.write(&mut ValuesMut { reals: unknown, words, booleans, strings, binaries }, position);
-                } else {
-                    outputs.write(&mut ValuesMut::of_reals(unknown), position);
-                }
+                let ValueStore { words, booleans, strings, binaries, .. } = others;
+                p.outputs(at).write(&mut ValuesMut { reals: unknown, words, booleans, strings, binaries }, position);
             }
         };
         match sides {

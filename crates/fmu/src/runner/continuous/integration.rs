@@ -394,7 +394,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             exchange.announced = stopped.unwrap_or(f64::INFINITY);
         }
         K::store(&x, &mut values.view_mut(), layout.states.at);
-        check_reals(layout, layout.states, &values.reals, end)
+        check_reals(layout, layout.states, values, end)
             .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
         K::recycle(x, &mut run.scratch);
         K::recycle(before, &mut run.scratch);
