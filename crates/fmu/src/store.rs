@@ -7,7 +7,7 @@ use crate::bytes::Buffer;
 pub struct ByType<R, W, B, S, Y> {
     /// Reals.
     pub reals: R,
-    /// Integers, enumerations and numbers of 32 bits, see [`Number`](crate::number::Number).
+    /// Integers, enumerations and Float32s, see [`Number`](crate::number::Number).
     pub words: W,
     /// Booleans.
     pub booleans: B,
@@ -34,7 +34,7 @@ impl Counts {
     pub const ZERO: Self = Self { reals: 0, words: 0, booleans: 0, strings: 0, binaries: 0 };
     /// One Real.
     pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
-    /// One integer, enumeration or number of 32 bits.
+    /// One integer, enumeration or Float32.
     pub const WORD: Self = Self { words: 1, ..Self::ZERO };
     /// One Boolean.
     pub const BOOLEAN: Self = Self { booleans: 1, ..Self::ZERO };

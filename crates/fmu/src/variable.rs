@@ -46,7 +46,7 @@ pub struct ArrayElement {
 pub enum Kind {
     /// A real number with its unit.
     Real(Real),
-    /// A real number of 32 bits with its unit.
+    /// A Float32 with its unit.
     Float32(Real),
     /// An integer or an enumeration.
     Integer {
@@ -493,7 +493,7 @@ impl Kind {
             _ => None,
         }
     }
-    /// Attributes of a real number of either size.
+    /// Attributes of a real number, Float64 or Float32.
     pub(crate) const fn real(&self) -> Option<&Real> {
         match self {
             Self::Real(real) | Self::Float32(real) => Some(real),

@@ -193,7 +193,7 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
     print(f"\n{folder.runs if request.no_page else page}")
     failed = [share for share in numbers.shares() if not share.holds]
     if not any(done.status == "ok" for done in result.rows.values()) and job.study.method != "worst_case":
-        raise StudyError("all runs failed; the page lists the errors")
+        raise StudyError(f"all runs failed; {folder.runs if request.no_page else 'the page'} lists the errors")
     return 1 if failed and not request.no_fail else 0
 
 

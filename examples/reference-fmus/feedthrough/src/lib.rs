@@ -29,10 +29,10 @@ pub struct Feedthrough {
 /// Inputs.
 #[derive(Inputs)]
 pub struct U<T> {
-    /// Number of 32 bits (1)
-    #[var("Float32_input")]
+    /// Float32 (1)
+    #[var("Float32_discrete_input")]
     pub float32: f32,
-    /// Number of 64 bits (1)
+    /// Float64 (1)
     #[var("Float64_continuous_input")]
     pub float64: T,
     /// Signed integer of 8 bits
@@ -76,10 +76,10 @@ pub struct U<T> {
 /// Outputs.
 #[derive(Outputs, Debug, PartialEq)]
 pub struct Y<T> {
-    /// Number of 32 bits (1)
-    #[var("Float32_output")]
+    /// Float32 (1)
+    #[var("Float32_discrete_output")]
     pub float32: f32,
-    /// Number of 64 bits (1)
+    /// Float64 (1)
     #[var("Float64_continuous_output")]
     pub float64: T,
     /// Signed integer of 8 bits
