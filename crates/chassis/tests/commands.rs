@@ -554,7 +554,7 @@ fn systems_are_shown_as_a_matrix() {
     assert!(error.contains("there is no FMU in mine, theirs"), "{error}");
     described(&theirs, "Steering", &["yaw_rate input rad/s", "steer output rad"], false);
     let (_, _, error) = systems(&[]);
-    assert!(error.contains("there is no plant"), "{error}");
+    assert!(error.contains("found no plant"), "{error}");
 
     described(&theirs, "Car", &["yaw_rate output rad/s", "steer input rad"], true);
     described(&theirs, "Sled", &["yaw_rate output deg/s", "steer input rad"], true);
