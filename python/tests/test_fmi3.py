@@ -7,6 +7,7 @@ of them and the examples. CHASSIS_FMU3_DIR replaces the folder target/fmu3.
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import os
 import zipfile
@@ -199,6 +200,42 @@ def test_every_type_passes_through_fmpy(tmp_path: Path) -> None:
                 found = found.decode()
             assert found == value, (variable.name, value)
     fmu.terminate()
+    fmu.freeInstance()
+
+
+@each_fmu
+def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: Path) -> None:
+    """FMPy 0.3.32 has wrappers for lists, but the first of them passes a type in place of a pointer."""
+    description = fmpy.read_model_description(str(path))
+    fmu = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
+    fmu.instantiate()
+
+    def found(reference: int) -> set[int]:
+        count = ctypes.c_size_t()
+        fmu.fmi3GetNumberOfVariableDependencies(fmu.component, reference, ctypes.byref(count))
+        n = count.value
+        elements, on = (ctypes.c_size_t * n)(), (ctypes.c_uint * n)()
+        of, kind = (ctypes.c_size_t * n)(), (ctypes.c_int * n)()
+        fmu.fmi3GetVariableDependencies(fmu.component, reference, elements, on, of, kind, n)
+        assert set(elements) | set(of) <= {1}
+        assert set(kind) <= {5}
+        assert len(set(on)) == n
+        return set(on)
+
+    def compare(unknowns: list[Any]) -> None:
+        for unknown in unknowns:
+            listed = {variable.valueReference for variable in unknown.dependencies}
+            assert found(unknown.variable.valueReference) == listed, unknown.variable.name
+
+    compare(description.initialUnknowns)
+    fmu.enterInitializationMode()
+    compare(description.initialUnknowns)
+    fmu.exitInitializationMode()
+    compare(description.outputs + description.derivatives)
     fmu.freeInstance()
 
 

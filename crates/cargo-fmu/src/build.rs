@@ -10,6 +10,7 @@ use fmu_import::loader::description_options;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
+use crate::files::write_whole;
 use crate::platform::Platform;
 use crate::toolchain::{self, Toolchain, cargo, metadata};
 use crate::workspace::{Model, Workspace};
@@ -53,6 +54,8 @@ impl Options {
 /// Prefix of the environment variable that makes the macro `fmu::model` export symbols; the name of the library
 /// follows.
 const EXPORT: &str = "FMU_EXPORT_";
+/// Prefix of the environment variable with the path of the dependencies that this macro builds in.
+const DEPENDENCIES: &str = "FMU_DEPENDENCIES_";
 
 #[derive(Clone, Debug)]
 pub(crate) struct Export {
@@ -65,11 +68,13 @@ pub(crate) struct Export {
     pub(crate) indicators: usize,
     /// True if arrays are variables with dimensions, not one scalar per element (FMI 3.0).
     pub(crate) arrays: bool,
+    /// Dependencies of the equations as text, for FMI 3.0.
+    pub(crate) dependencies: Option<String>,
 }
 
 impl std::fmt::Display for Export {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { model, guid, version, interfaces, indicators, arrays } = self;
+        let Self { model, guid, version, interfaces, indicators, arrays, .. } = self;
         let interfaces: Vec<_> = interfaces.iter().map(|interface| interface.name()).collect();
         let interfaces = interfaces.join(",");
         write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")
@@ -455,6 +460,15 @@ impl Builder {
             // Only the cdylib: with the ordinary library too, cargo would skip link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
+            if let Some(text) = &export.dependencies {
+                // A file, because the text may be longer than the value of an environment variable can be.
+                let path = workspace.target.join("fmu-build/described").join(format!("{}.dependencies", model.library));
+                // The file keeps its date if nothing has changed, so that cargo does not compile the model again.
+                if std::fs::read_to_string(&path).ok().as_ref() != Some(text) {
+                    write_whole(&path, text.as_bytes())?;
+                }
+                command.env(format!("{DEPENDENCIES}{}", model.library), path);
+            }
             let mut flags = library_flags(self.platform, &model.name);
             if !options.debug {
                 // This flag is only for this package; in other packages, paths below the workspace are relative. If all

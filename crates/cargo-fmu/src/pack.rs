@@ -282,6 +282,8 @@ struct Description {
     terminals: String,
     /// Reasons for a dense model structure.
     notes: Vec<String>,
+    /// Dependencies of the equations as text, for FMI 3.0.
+    dependencies: Option<String>,
     parsed: ModelDescription,
 }
 
@@ -298,6 +300,7 @@ impl Description {
             interfaces: [Interface::Cs, Interface::Me].into_iter().filter(has).collect(),
             indicators: self.parsed.number_of_event_indicators,
             arrays: format.arrays,
+            dependencies: self.dependencies.clone(),
         }
     }
 }
@@ -321,14 +324,16 @@ fn describe(
                     let notes = ask(format.options() | description_options::NOTES).into_diagnostic()?;
                     let notes = notes.iter().flat_map(|(_, notes)| notes.lines());
                     let notes = notes.filter(|note| !note.is_empty()).map(str::to_owned).collect();
-                    let terminals = match format.version {
-                        3 => ask(format.options() | description_options::TERMINALS)
-                            .into_diagnostic()?
-                            .pop()
-                            .map(|(_, xml)| xml),
-                        _ => None,
+                    let of_fmi3 = |option: i32| match format.version {
+                        3 => {
+                            let text = ask(format.options() | option).into_diagnostic()?.pop();
+                            Ok::<_, miette::Report>(text.map(|(_, text)| text))
+                        }
+                        _ => Ok(None),
                     };
-                    Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default(), notes })
+                    let terminals = of_fmi3(description_options::TERMINALS)?.unwrap_or_default();
+                    let dependencies = of_fmi3(description_options::DEPENDENCIES)?;
+                    Ok(Description { model: name, parsed, xml, terminals, notes, dependencies })
                 }
                 (None, _) => Err(miette!(
                     help = "Put `#[fmu::model(stop_time = …, step_size = …)]` on the implementation of `Continuous`, \

@@ -22,6 +22,8 @@ const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]
 /// Prefix of the environment variable with which `cargo fmu pack` requests an export. In the name of the variable, the
 /// name of the crate follows the prefix.
 const EXPORT: &str = "FMU_EXPORT_";
+/// Prefix of the environment variable with the path of the dependencies, for FMI 3.0.
+const DEPENDENCIES: &str = "FMU_DEPENDENCIES_";
 
 #[derive(Default)]
 struct Keys {
@@ -423,10 +425,13 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
     }
 }
 
+fn crate_name() -> String {
+    std::env::var("CARGO_CRATE_NAME").unwrap_or_default()
+}
+
 /// The environment variable that selects the export of the crate, and its value.
 fn wanted() -> (String, String) {
-    let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
-    let variable = format!("{EXPORT}{library}");
+    let variable = format!("{EXPORT}{}", crate_name());
     let wanted = std::env::var(&variable).unwrap_or_default();
     (variable, wanted)
 }
@@ -487,7 +492,14 @@ impl<'a> Packed<'a> {
             3 => (quote!(Fmi3), quote!(#root::c_interface_of_fmi3!(#model);)),
             _ => (quote!(Fmi2), quote!(#root::c_interface_of_fmi2!(#model: #(#interfaces)*);)),
         };
+        let dependencies = (self.version == 3).then(|| {
+            let path = format!("{DEPENDENCIES}{}", crate_name());
+            quote!(
+                const DEPENDENCIES: &'static str = ::core::include_str!(::core::env!(#path));
+            )
+        });
         let facts = quote! {
+            #dependencies
             const GUID: ::core::option::Option<&'static str> = Some(#guid);
             const EVENT_INDICATORS: usize = #indicators;
             const FORMAT: #root::description::Format = #root::description::Format {

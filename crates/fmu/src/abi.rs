@@ -58,6 +58,8 @@ pub trait Export: 'static {
     const GUID: Option<&'static str> = None;
     /// The number of event indicators in model exchange, if the packer built in the GUID.
     const EVENT_INDICATORS: usize = 0;
+    /// The dependencies of the equations in FMI 3.0, if the packer built in the GUID.
+    const DEPENDENCIES: &'static str = "";
     /// Format of the packed FMU.
     const FORMAT: Format = Format::FMI2;
     /// Returns the library's data.
@@ -67,7 +69,10 @@ pub trait Export: 'static {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
             let description = Arc::new(match Self::GUID {
-                Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
+                Some(guid) => {
+                    let (indicators, dependencies) = (Self::EVENT_INDICATORS, Self::DEPENDENCIES);
+                    Description::packed::<Self::Model>(Self::FORMAT, guid, indicators, dependencies)
+                }
                 None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::Model::INFO.resources)),
             });
             // On Linux, `unloading!` registers the function.
@@ -310,8 +315,9 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 
 /// Returns the model description for the packer or, if the declarations contain an error, an exclamation mark followed
 /// by the error. The text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is
-/// a sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead) and 16
-/// (return the notes instead), as in `fmu_import::loader::description_options`.
+/// a sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead), 16
+/// (return the notes instead) and 32 (return the dependencies for the library instead), as in
+/// `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
         let has = |bit: c_int| options & bit != 0;
@@ -324,6 +330,7 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
             Ok(description) if has(8) => description.terminals(format),
             // The line break keeps the text from being empty, which would mean a failure.
             Ok(description) if has(16) => format!("\n{}", description.notes.join("\n")),
+            Ok(description) if has(32) => description.dependencies.into_owned(),
             Ok(description) => description.xml,
             Err(problem) => format!("!{problem}"),
         };

@@ -240,9 +240,9 @@ calls! {
     GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
     GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
     GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
-    // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
     GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
     ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, I, I;
     GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;

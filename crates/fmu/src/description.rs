@@ -1,5 +1,6 @@
 //! The model description: modelDescription.xml, generated from the declarations.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use crate::model::Info;
 use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::Unit;
-use crate::variable::{Kind, Layout};
+use crate::variable::{Kind, Layout, Role};
 
 /// Category of messages about rejected calls and failed steps; always logged.
 pub const LOG_ERROR: &str = "logStatusError";
@@ -62,6 +63,19 @@ pub struct Description {
     pub notes: Vec<String>,
     /// With native arrays, the number of values for each value reference; otherwise empty.
     pub(crate) lengths: Vec<u32>,
+    /// Dependencies in FMI 3.0: see [`structure::table`].
+    pub(crate) dependencies: Cow<'static, str>,
+}
+
+/// A dependency of an element of a variable. Elements are numbered from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dependency {
+    /// Element of the dependent variable.
+    pub element: usize,
+    /// Value reference of the variable on which it depends.
+    pub on: u32,
+    /// Element of this variable.
+    pub element_of: usize,
 }
 
 impl Description {
@@ -109,7 +123,43 @@ impl Description {
         let guid = format!("{{{hash}}}");
         let name = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
         let xml = xml.replacen(&format!("{name}=\"\""), &format!("{name}=\"{guid}\""), 1);
-        Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes })
+        let dependencies = match version {
+            Version::Fmi2 => "".into(),
+            Version::Fmi3 => structure::table::<M>(&layout, &structure, format).into(),
+        };
+        Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes, dependencies })
+    }
+
+    /// Dependencies of a variable of FMI 3.0, element by element, at the start or after it. They are those of the model
+    /// structure: independent of the present values. `None` if there is no variable with this value reference.
+    pub(crate) fn dependencies_of(&self, reference: u32, at_start: bool) -> Option<Vec<Dependency>> {
+        // The first element of the array, for each value reference.
+        let mut firsts: Vec<u32> = Vec::new();
+        while let Some(&length) = self.lengths.get(firsts.len()) {
+            firsts.extend(std::iter::repeat_n(firsts.len() as u32, length as usize));
+        }
+        let first = |reference: u32| firsts.get(reference as usize).copied().unwrap_or(reference);
+        let length = self.lengths.get(reference as usize).copied().unwrap_or(1) as usize;
+        let mut lines = self.dependencies.split('\n').skip(reference as usize).take(length).peekable();
+        lines.peek().filter(|_| first(reference) == reference)?;
+        let mut all = Vec::new();
+        for (element, line) in (1..).zip(lines) {
+            let (after_start, start) = line.split_once(';')?;
+            let mut add = |on: u32| {
+                let element_of = (on - first(on)) as usize + 1;
+                all.push(Dependency { element, on: first(on), element_of });
+            };
+            for range in (if at_start { start } else { after_start }).split(' ').filter(|range| !range.is_empty()) {
+                if range == "p" {
+                    let parameters = self.layout.variables.iter().filter(|v| v.role == Role::Parameter);
+                    parameters.for_each(|parameter| add(parameter.reference));
+                    continue;
+                }
+                let (first, last) = range.split_once('-').unwrap_or((range, range));
+                (first.parse().ok()?..=last.parse().ok()?).for_each(&mut add);
+            }
+        }
+        Some(all)
     }
 
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common,
@@ -119,12 +169,19 @@ impl Description {
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
-    /// Creates only the data that an instance needs, from the GUID and the number of event indicators that the packer
-    /// built in: see [`crate::abi::Export::GUID`].
-    pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize) -> Self {
+    /// Creates only the data that an instance needs, from the GUID, the number of event indicators and the dependencies
+    /// that the packer built in: see [`crate::abi::Export::GUID`].
+    pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize, dependencies: &'static str) -> Self {
         let mut layout = M::layout();
         layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
-        Self { lengths: lengths(&layout, format), layout, guid: guid.to_owned(), xml: String::new(), notes: Vec::new() }
+        Self {
+            lengths: lengths(&layout, format),
+            layout,
+            guid: guid.to_owned(),
+            xml: String::new(),
+            notes: Vec::new(),
+            dependencies: dependencies.into(),
+        }
     }
 }
 

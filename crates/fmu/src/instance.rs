@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol, Version};
 use crate::clock::Clock;
-use crate::description::Description;
+use crate::description::{Dependency, Description};
 use crate::runner::{Context, Kind as ModelKind, Model, Run, are_finite};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
@@ -419,6 +419,13 @@ impl<M: Model> Instance<M> {
         self.derivatives_are_old &= !derivatives;
         self.has_not_finite |= has_not_finite;
         Ok(())
+    }
+
+    /// fmi3GetVariableDependencies. Fails for an unknown reference.
+    pub(crate) fn dependencies(&self, function: Function, reference: u32) -> CallResult<Vec<Dependency>> {
+        self.description.dependencies_of(reference, self.is_before_start()).ok_or_else(|| {
+            self.error(function, format_args!("value reference {reference} is not a variable of this FMU"))
+        })
     }
 
     /// Time of the last successful step in s.

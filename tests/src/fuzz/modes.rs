@@ -2,7 +2,7 @@
 
 use super::{Checked, Fuzzer, MARK, Next, Spec, ensure, texts};
 use crate::raw::{ERROR, OK, Truth};
-use fmu_import::c_api::{RawStatus, Reference};
+use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion, Interface};
 
 /// FMU state of an instance, as in messages.
@@ -244,10 +244,5 @@ impl Fuzzer<'_> {
         }
         let _ = instance.take_log();
         statuses.into_iter().try_for_each(|(function, status)| self.probed(function, status))
-    }
-
-    /// Returns an error unless the call was rejected.
-    pub(super) fn always_rejected(&self, function: &'static str, status: RawStatus) -> Checked {
-        ensure(status == ERROR, || format!("{} returned {status}", self.name(function)))
     }
 }

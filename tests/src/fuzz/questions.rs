@@ -1,7 +1,7 @@
 //! Derivatives, status and logging.
 
 use super::{Checked, Fuzzer, MARK, Next, ensure};
-use crate::raw::{self, DerivativeArrays, OK, RawInstance, TYPES_WITHOUT_VARIABLES};
+use crate::raw::{self, DerivativeArrays, ERROR, OK, RawInstance, TYPES_WITHOUT_VARIABLES};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion, Interface};
 
@@ -117,14 +117,28 @@ impl Fuzzer<'_> {
     pub(super) fn questions(&mut self, at: usize) -> Checked {
         match self.random.below(8) {
             0 => {
-                let (mut number, reference) = (77, self.index(self.specs.len() + 2) as Reference);
-                let function = "fmi3GetNumberOfVariableDependencies";
-                let text = format!("{reference}");
-                let status = self.call(at, function, text, Next::Same, |instance| {
-                    instance.number_of_dependencies(reference, Some(&mut number))
+                let (mut number, reference) = (usize::MAX, self.index(self.specs.len() + 2) as Reference);
+                let target = (!self.chance(40)).then_some(&mut number);
+                let (function, text) = ("fmi3GetNumberOfVariableDependencies", format!("{reference}"));
+                let status = self.call(at, function, text.clone(), Next::Same, |instance| {
+                    instance.number_of_dependencies(reference, target)
                 })?;
-                ensure(number == 77, || format!("{function} wrote {number}"))?;
-                self.always_rejected(function, status)
+                ensure((status == OK) == (number != usize::MAX), || {
+                    format!("{function} returned {status} and wrote {number}")
+                })?;
+                if status != OK {
+                    return Ok(());
+                }
+                let count = if self.chance(8) { self.index(number + 2) } else { number };
+                let (function, mut on) = ("fmi3GetVariableDependencies", Vec::new());
+                let status = self.call(at, function, text, Next::Same, |instance| {
+                    let (status, found) = instance.dependencies(reference, count);
+                    on = found;
+                    status
+                })?;
+                let is_written = on.iter().all(|&reference| reference != Reference::MAX);
+                let expected = if count == number { (OK, true) } else { (ERROR, on.is_empty()) };
+                ensure((status, is_written) == expected, || format!("{function} returned {status} and wrote {on:?}"))
             }
             1 | 2 => {
                 let of_states = self.chance(2);

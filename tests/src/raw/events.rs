@@ -197,8 +197,8 @@ impl RawInstance<'_> {
         unsafe { function(self.component, reference, number.map_or(ptr::null_mut(), |number| &raw mut *number)) }
     }
 
-    /// fmi3GetVariableDependencies of a variable without any.
-    pub fn dependencies(&self, reference: Reference) -> RawStatus {
+    /// fmi3GetVariableDependencies with arrays of `count` elements. Also returns the value references that it wrote.
+    pub fn dependencies(&self, reference: Reference, count: usize) -> (RawStatus, Vec<Reference>) {
         type GetDependencies = unsafe extern "C" fn(
             Component,
             Reference,
@@ -209,8 +209,11 @@ impl RawInstance<'_> {
             usize,
         ) -> RawStatus;
         let function: GetDependencies = self.raw.function("fmi3GetVariableDependencies");
-        let none = ptr::null_mut();
-        // SAFETY: arrays of no elements.
-        unsafe { function(self.component, reference, none, ptr::null_mut(), none, ptr::null_mut(), 0) }
+        let (mut elements, mut of, mut kinds) = (vec![0; count], vec![0; count], vec![0; count]);
+        let mut on = vec![Reference::MAX; count];
+        let (elements, of, kinds) = (elements.as_mut_ptr(), of.as_mut_ptr(), kinds.as_mut_ptr());
+        // SAFETY: arrays of the stated length.
+        let status = unsafe { function(self.component, reference, elements, on.as_mut_ptr(), of, kinds, count) };
+        (status, on)
     }
 }

@@ -10,3 +10,5 @@ pub const ARRAYS: i32 = 4;
 pub const TERMINALS: i32 = 8;
 /// Instead of the model description, return the reasons for too many dependencies in the model structure, one per line.
 pub const NOTES: i32 = 16;
+/// Return the dependencies that the packer builds into a library of FMI 3.0 instead of the model description.
+pub const DEPENDENCIES: i32 = 32;

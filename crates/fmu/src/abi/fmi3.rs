@@ -25,6 +25,9 @@ pub type Boolean = u8;
 /// fmi3ValueReference.
 pub type ValueReference = c_uint;
 
+/// fmi3Dependent: a dependency of any kind, which may be nonlinear.
+const DEPENDENT: c_int = 5;
+
 /// fmi3LogMessageCallback: environment, status, category, message.
 pub type Logger = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
@@ -287,6 +290,35 @@ functions! {
         Ok(())
     }
 
+    /// fmi3GetNumberOfVariableDependencies: before the end of the initialization, those at the start.
+    fn get_number_of_variable_dependencies[GetNumberOfVariableDependencies](
+        h, call, reference: ValueReference, count: *mut size_t
+    ) {
+        *call.target("nDependencies", count)? = h.instance.dependencies(call.0, reference)?.len();
+        Ok(())
+    }
+
+    /// fmi3GetVariableDependencies.
+    fn get_variable_dependencies[GetVariableDependencies](
+        h, call, dependent: ValueReference, elements: *mut size_t, independents: *mut ValueReference,
+        elements_of_independents: *mut size_t, kinds: *mut c_int, count: size_t
+    ) {
+        let all = h.instance.dependencies(call.0, dependent)?;
+        if count != all.len() {
+            let name = "nDependencies";
+            return Err(call.error(format_args!("{name} must be {} for this variable, got {count}", all.len())));
+        }
+        let elements = call.array_mut("elementIndicesOfDependent", elements, count)?;
+        let independents = call.array_mut("independents", independents, count)?;
+        let of = call.array_mut("elementIndicesOfIndependents", elements_of_independents, count)?;
+        let kinds = call.array_mut("dependencyKinds", kinds, count)?;
+        for (i, dependency) in all.iter().enumerate() {
+            (elements[i], independents[i], of[i]) = (dependency.element, dependency.on, dependency.element_of);
+        }
+        kinds.fill(DEPENDENT);
+        Ok(())
+    }
+
     fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
 
     #[expect(clippy::too_many_arguments, reason = "as in the standard")]
@@ -427,6 +459,8 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EvaluateDiscreteStates evaluate_discrete_states ();
                 fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
                 fmi3EnterStepMode enter_step_mode ();
+                fmi3GetNumberOfVariableDependencies get_number_of_variable_dependencies (vr: ValueReference, n: *mut size_t);
+                fmi3GetVariableDependencies get_variable_dependencies (dependent: ValueReference, elements: *mut size_t, independents: *mut ValueReference, their_elements: *mut size_t, kinds: *mut c_int, n: size_t);
                 fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
@@ -463,8 +497,6 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetOutputDerivatives GetRealOutputDerivatives (_orders: *const i32, _values: *mut f64, _n_values: size_t);
             }
             $crate::c_interface_of_fmi3! { @not $model:
-                fmi3GetNumberOfVariableDependencies GetNumberOfVariableDependencies (_vr: ValueReference, _n: *mut size_t);
-                fmi3GetVariableDependencies GetVariableDependencies (_dependent: ValueReference, _elements: *mut size_t, _independents: *mut ValueReference, _their_elements: *mut size_t, _kinds: *mut c_int, _n: size_t);
                 fmi3EnterConfigurationMode EnterConfigurationMode ();
                 fmi3ExitConfigurationMode ExitConfigurationMode ();
                 fmi3ActivateModelPartition ActivateModelPartition (_clock: ValueReference, _time: f64);

@@ -28,6 +28,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
                 ("canSerializeFMUState", M::IS_SERIALIZABLE),
                 ("providesDirectionalDerivatives", M::KIND == ModelKind::Continuous),
                 ("providesAdjointDerivatives", M::KIND == ModelKind::Continuous),
+                ("providesPerElementDependencies", true),
                 ("canHandleVariableCommunicationStepSize", is_co_simulation),
                 ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
                 ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS),

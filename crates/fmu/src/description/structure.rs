@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::Format;
 use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations};
 use crate::expression::Expression;
 use crate::number::Number as _;
@@ -233,6 +234,38 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
             variable.index < kind.of(end)
         })
         .map(|(name, _)| *name)
+}
+
+/// The dependencies for the functions of FMI 3.0, with a line for each value reference: value references, also as ranges,
+/// after the initialization; behind a semicolon, those at the start, where `p` stands for all parameters.
+pub(super) fn table<M: Model>(layout: &Layout, structure: &Structure, format: Format) -> String {
+    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
+    let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
+    let parameters: Vec<u32> =
+        layout.variables.iter().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
+    let mut lines = vec![[const { Vec::new() }; 2]; layout.end as usize + 1];
+    for (at_start, unknown) in outputs.iter().chain(&derivatives).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u)))
+    {
+        let time = unknown.on_time.then_some(layout.end);
+        lines[unknown.variable.reference as usize][at_start] =
+            unknown.dependencies.iter().map(|known| known.reference).chain(time).collect();
+    }
+    // An event indicator may depend on everything.
+    let known = layout.variables.iter().filter(|v| matches!(v.role, Role::Input | Role::State)).map(|v| v.reference);
+    let known: Vec<_> = known.chain([layout.end]).collect();
+    lines.extend(std::iter::repeat_n([known.clone(), [parameters.clone(), known].concat()], indicators));
+    let text = |mut references: Vec<u32>| {
+        references.sort_unstable();
+        let has_parameters = !parameters.is_empty() && parameters.iter().all(|p| references.binary_search(p).is_ok());
+        references.retain(|reference| !(has_parameters && parameters.contains(reference)));
+        let ranges = references.chunk_by(|one, next| one + 1 == *next).map(|range| match range {
+            [one] => one.to_string(),
+            [first, .., last] => format!("{first}-{last}"),
+            [] => unreachable!("a chunk is not empty"),
+        });
+        has_parameters.then(|| "p".to_owned()).into_iter().chain(ranges).collect::<Vec<_>>().join(" ")
+    };
+    lines.into_iter().map(|line| line.map(text).join(";")).collect::<Vec<_>>().join("\n")
 }
 
 pub(super) struct Unknown<'a> {

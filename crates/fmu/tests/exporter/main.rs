@@ -5,6 +5,7 @@ mod arrays;
 mod binaries;
 mod c_interface;
 mod comparisons;
+mod dependencies;
 mod derivatives;
 mod description;
 mod events;
