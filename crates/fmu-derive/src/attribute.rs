@@ -25,8 +25,72 @@ pub(crate) enum Source {
 pub(crate) struct Variable {
     pub(crate) source: Source,
     keys: Vec<(Ident, Option<Expr>)>,
+    pub(crate) aliases: Vec<Alias>,
     /// True if the attribute is present.
     pub(crate) is_explicit: bool,
+}
+
+/// Another name of the variable: `alias("name", display = "ft", description = "…")`.
+pub(crate) struct Alias {
+    pub(crate) name: LitStr,
+    display: Option<LitStr>,
+    description: Option<LitStr>,
+}
+
+impl Alias {
+    fn parse(input: ParseStream<'_>, key: &Ident) -> Result<Self> {
+        if !input.peek(syn::token::Paren) {
+            let message = "write the name in parentheses, as in `alias(\"height_ft\", display = \"ft\")`";
+            return Err(Error::new(key.span(), message));
+        }
+        let content;
+        syn::parenthesized!(content in input);
+        let name: LitStr =
+            content.parse().map_err(|e| Error::new(e.span(), "expected the name of the alias as a string"))?;
+        check_name(&name)?;
+        let mut alias = Self { name, display: None, description: None };
+        while !content.is_empty() {
+            content.parse::<Token![,]>()?;
+            if content.is_empty() {
+                break;
+            }
+            let key: Ident = content.parse()?;
+            let value = match key.to_string().as_str() {
+                "display" => &mut alias.display,
+                "description" => &mut alias.description,
+                _ => {
+                    let message = format!("`{key}` is not a key of an alias; expected one of display, description");
+                    return Err(Error::new(key.span(), message));
+                }
+            };
+            content.parse::<Token![=]>()?;
+            if value.replace(content.parse()?).is_some() {
+                return Err(Error::new(key.span(), format!("`{key}` is given twice")));
+            }
+        }
+        Ok(alias)
+    }
+
+    /// An expression of type `Alias`. `unit` is the unit of the variable, if it is a literal.
+    fn tokens(&self, root: &TokenStream, content: Content, unit: Option<&Unit>) -> Result<TokenStream> {
+        let Self { name, display, description } = self;
+        let display = match (display, unit) {
+            (None, _) => quote!(::core::option::Option::None),
+            (Some(display), _) if matches!(content, Content::Integer | Content::Binary | Content::Other) => {
+                return Err(Error::new(display.span(), "only real variables have a display unit"));
+            }
+            (Some(display), Some(unit)) => {
+                let display = unit.display(&display.value(), display.span())?;
+                let display = unit.display_tokens(root, &display);
+                quote!(::core::option::Option::Some(#display))
+            }
+            (Some(display), None) => {
+                quote!(::core::option::Option::Some(#root::named_display_unit(#display)))
+            }
+        };
+        let description = description.as_ref().map_or_else(String::new, LitStr::value);
+        Ok(quote!(#root::Alias { name: #name.into(), description: #description.into(), display: #display }))
+    }
 }
 
 /// Kind of values in a type, derived from its tokens.
@@ -54,17 +118,22 @@ impl Variable {
             })?));
         }
         let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
+        let mut aliases = Vec::new();
         if source.is_some() && !input.is_empty() {
             input.parse::<Token![,]>()?;
         }
         while !input.is_empty() {
             let key: Ident = input.parse()?;
-            if keys.iter().any(|(known, _)| *known == key) {
+            if key == "alias" {
+                aliases.push(Alias::parse(input, &key)?);
+                keys.push((key, None));
+            } else if keys.iter().any(|(known, _)| *known == key) {
                 return Err(Error::new(key.span(), format!("`{key}` is given twice")));
+            } else {
+                let has_value = input.parse::<Option<Token![=]>>()?.is_some();
+                let value = if has_value { Some(ungrouped(input.parse()?)) } else { None };
+                keys.push((key, value));
             }
-            let has_value = input.parse::<Option<Token![=]>>()?.is_some();
-            let value = if has_value { Some(ungrouped(input.parse()?)) } else { None };
-            keys.push((key, value));
             if !input.is_empty() {
                 input.parse::<Token![,]>()?;
             }
@@ -73,7 +142,7 @@ impl Variable {
             Some(source) => source,
             None => Source::of(field)?,
         };
-        Ok(Self { source, keys, is_explicit: true })
+        Ok(Self { source, keys, aliases, is_explicit: true })
     }
 
     pub(crate) fn of(field: &Field) -> Result<Self> {
@@ -87,11 +156,16 @@ impl Variable {
             }
             let parse = |input: ParseStream<'_>| Self::parse(input, field);
             found = Some(match &attribute.meta {
-                Meta::Path(_) => Self { source: Source::of(field)?, keys: Vec::new(), is_explicit: true },
+                Meta::Path(_) => Self { is_explicit: true, ..Self::named_as(field)? },
                 _ => attribute.parse_args_with(parse)?,
             });
         }
-        found.map_or_else(|| Ok(Self { source: Source::of(field)?, keys: Vec::new(), is_explicit: false }), Ok)
+        found.map_or_else(|| Self::named_as(field), Ok)
+    }
+
+    /// A variable with the name of the field, without keys.
+    fn named_as(field: &Field) -> Result<Self> {
+        Ok(Self { source: Source::of(field)?, keys: Vec::new(), aliases: Vec::new(), is_explicit: false })
     }
 
     /// The value of a key; `None` if the key is absent.
@@ -302,6 +376,11 @@ impl Variable {
         }
         if let Some(Some(mime)) = errors.keep(self.value("mime")) {
             set.push(quote_spanned!(mime.span()=> mime = #mime));
+        }
+        for alias in &self.aliases {
+            if let Some(alias) = errors.keep(alias.tokens(root, content, unit.as_ref())) {
+                set.push(quote!(aliases.push(#alias)));
+            }
         }
         for key in ["tunable", "local", "calculated", "enumeration"] {
             if errors.keep(self.flag(key)) == Some(true) {

@@ -44,7 +44,7 @@ impl Block {
             (Self::Derived, Content::Integer | Content::Other) => "elements description",
             (Self::Derived, _) => "unit nominal display elements description",
         };
-        keys.split(' ').collect()
+        keys.split(' ').chain(["alias"]).collect()
     }
 }
 
@@ -304,7 +304,11 @@ fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
 fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
     let mut known: Vec<String> = Vec::new();
     for variable in fields.iter().filter_map(|field| Variable::of(field).ok()) {
-        if let Source::Name(name) = &variable.source {
+        let name = match &variable.source {
+            Source::Name(name) => Some(name),
+            Source::Definition(_) => None,
+        };
+        for name in name.into_iter().chain(variable.aliases.iter().map(|alias| &alias.name)) {
             if known.contains(&name.value()) {
                 errors.add(Error::new(name.span(), format!("two variables are named `{}`", name.value())));
             }
@@ -422,11 +426,16 @@ fn part(
     let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, start)));
     let has_start = start.is_some();
     let is_array = element(&ty).is_some();
+    for alias in variable.aliases.iter().filter(|_| is_array) {
+        errors.add(Error::new(alias.name.span(), "an alias is another name of a scalar; this variable is an array"));
+    }
+    let aliases = variable.aliases.iter().map(|alias| &alias.name);
+    let aliases = quote!(#(#root::Name::of(#aliases, false),)*);
     let text = match &variable.source {
         // Arrays with named elements can have the same name if their elements differ.
         _ if is_array && !is_numbered(&ty, &variable) => quote!(),
-        Source::Name(name) => quote!(#root::Name::of(#name, #is_array),),
-        Source::Definition(entry) => quote!(#root::Name::of(#entry.name, #is_array),),
+        Source::Name(name) => quote!(#root::Name::of(#name, #is_array), #aliases),
+        Source::Definition(entry) => quote!(#root::Name::of(#entry.name, #is_array), #aliases),
     };
     errors.finish(Part {
         name,

@@ -4,7 +4,7 @@ use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::number::{Number, Size};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{ArrayElement, Declaration, Kind, Real};
+use crate::variable::{Alias, ArrayElement, Declaration, Kind, Real};
 
 /// One element of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +54,8 @@ pub struct Spec {
     pub enumeration: bool,
     /// Type of the data of a Binary.
     pub mime: &'static str,
+    /// Other names.
+    pub aliases: Vec<Alias>,
     pub(crate) array: Option<ArrayElement>,
 }
 
@@ -156,6 +158,15 @@ impl Spec {
     }
 
     fn add(&self, description: String, kind: Kind, all: &mut Vec<Declaration>) {
+        let mut aliases = self.aliases.clone();
+        for alias in &mut aliases {
+            if alias.description.is_empty() {
+                alias.description.clone_from(&description);
+            }
+            if let Some(display) = alias.display.as_mut().filter(|display| display.factor.is_nan()) {
+                *display = display_unit(display.name, self.unit());
+            }
+        }
         all.push(Declaration {
             name: self.name.clone(),
             description,
@@ -164,7 +175,12 @@ impl Spec {
             calculated: self.calculated,
             kind,
             array: self.array.clone(),
+            aliases,
         });
+    }
+
+    fn unit(&self) -> Unit {
+        self.units.0.first().copied().unwrap_or(Unit::NONE)
     }
 
     pub(crate) fn declare_real(&self, start: Option<f64>, all: &mut Vec<Declaration>) {
@@ -180,10 +196,8 @@ impl Spec {
     }
 
     fn real(&self, start: Option<f64>) -> Real {
-        let unit = self.units.0.first().copied().unwrap_or(Unit::NONE);
-        // An unknown name is reported when the description is generated.
-        let named = |name| unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 });
-        let display = self.display.or_else(|| self.display_name.map(named));
+        let unit = self.unit();
+        let display = self.display.or_else(|| self.display_name.map(|name| display_unit(name, unit)));
         Real { unit, display, start: start.unwrap_or(0.0), min: self.min, max: self.max, nominal: self.nominal }
     }
 
@@ -230,6 +244,16 @@ impl Spec {
         let kind = Kind::Binary { start: start.unwrap_or_default(), most, mime: self.mime };
         self.add(self.text(), kind, all);
     }
+}
+
+/// A display unit that is given by its name only: its factor is not a number.
+pub const fn named_display_unit(name: &'static str) -> DisplayUnit {
+    DisplayUnit { name, factor: f64::NAN, offset: 0.0 }
+}
+
+/// The display unit with this name. An unknown name is reported when the description is generated.
+fn display_unit(name: &'static str, unit: Unit) -> DisplayUnit {
+    unit.display_unit(name).unwrap_or(named_display_unit(name))
 }
 
 /// Converts a start value to the type of the variable.
@@ -293,6 +317,9 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
     if !prefix.is_empty() {
         for declaration in &mut all[first..] {
             declaration.name = format!("{prefix}.{}", declaration.name);
+            for alias in &mut declaration.aliases {
+                alias.name = format!("{prefix}.{}", alias.name);
+            }
             if let Some(array) = &mut declaration.array {
                 array.name = format!("{prefix}.{}", array.name);
             }

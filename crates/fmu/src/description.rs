@@ -241,8 +241,20 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
     for variable in &layout.variables {
         let declaration = &variable.declaration;
         let name = &declaration.name;
-        if !names.insert(name) {
-            return Some(format!("two variables are named '{name}'"));
+        if let Some(twice) = declaration.names().find(|name| !names.insert(*name)) {
+            return Some(format!("two variables are named '{twice}'"));
+        }
+        for alias in &declaration.aliases {
+            let (other, description) = (&alias.name, &alias.description);
+            if !is_text(description) {
+                return Some(format!("the description of '{other}' has a control character that XML cannot hold"));
+            }
+            let unit = declaration.kind.real().map(|real| real.unit);
+            let Some(display) = alias.display else { continue };
+            if unit.is_none() || !display.factor.is_finite() {
+                let unit = unit.filter(Unit::is_declared).map_or("a value without a unit", |unit| unit.name);
+                return Some(format!("'{other}': {unit} cannot be displayed in {}", display.name));
+            }
         }
         if name.is_empty() || name.contains(char::is_control) || !is_text(name) {
             return Some(format!("the name {name:?} is empty or has a control character, which FMI does not allow"));
@@ -308,11 +320,11 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
     }
     // In FMI 3.0 the time and the event indicators are variables. The module `fmi3` writes them with these names.
     const TIME: [&str; 3] = ["time", "simulation_time", "independent_variable"];
-    if TIME.iter().all(|name| names.contains(&(*name).to_owned())) {
+    if TIME.iter().all(|name| names.contains(name)) {
         return Some(format!("rename one of '{}': FMI 3.0 needs one of these names for the time", TIME.join("', '")));
     }
     let is_index = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    let is_indicator = |name: &&&String| {
+    let is_indicator = |name: &&&str| {
         let index = name.strip_prefix("event_indicator[").and_then(|rest| rest.strip_suffix(']'));
         format.interfaces.model_exchange && index.is_some_and(is_index)
     };
@@ -324,10 +336,10 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::declare::Spec;
+    use crate::declare::{Spec, named_display_unit};
     use crate::enumeration::Item;
     use crate::unit;
-    use crate::variable::{ArrayElement, Declaration, Declarations};
+    use crate::variable::{Alias, ArrayElement, Declaration, Declarations};
 
     const INFO: Info = Info {
         name: "Name",
@@ -359,7 +371,8 @@ mod tests {
 
     fn plain(kind: Kind) -> Vec<Declaration> {
         let (name, description) = ("x".to_owned(), "D".to_owned());
-        vec![Declaration { name, description, tunable: false, local: false, calculated: false, kind, array: None }]
+        let (array, aliases) = (None, Vec::new());
+        vec![Declaration { name, description, tunable: false, local: false, calculated: false, kind, array, aliases }]
     }
 
     fn enumeration(type_name: &'static str, items: &'static [Item]) -> Kind {
@@ -384,6 +397,18 @@ mod tests {
         assert_eq!(problem(real(x(), f64::NAN)), "start of 'x' = NaN is not within [-inf, inf]");
         assert_eq!(problem(real(positive(x()), 0.0)), "start of 'x' = 0 is not within [0.000001, inf]");
         assert_eq!(problem(real(Spec { display_name: Some("deg"), ..x() }, 0.0)), "'x': m cannot be displayed in deg");
+        let alias = |name: &str, display: Option<&'static str>| {
+            let (name, description) = (name.to_owned(), String::new());
+            let aliases = vec![Alias { name, description, display: display.map(named_display_unit) }];
+            Spec { aliases, ..x() }
+        };
+        assert_eq!(problem(real(alias("y", Some("mm")), 0.0)), "");
+        assert_eq!(problem(real(alias("y", Some("ft")), 0.0)), "'y': m cannot be displayed in ft");
+        let nothing = Spec { units: Unit::NONE.into(), ..alias("y", Some("mm")) };
+        assert_eq!(problem(real(nothing, 0.0)), "'y': a value without a unit cannot be displayed in mm");
+        assert_eq!(problem(real(alias("x", None), 0.0)), "two variables are named 'x'");
+        let y = real(named("y", unit!("m")), 0.0);
+        assert_eq!(problem([real(alias("y", None), 0.0), y].concat()), "two variables are named 'y'");
         for spec in [
             Spec { max: Some(f64::INFINITY), ..x() },
             Spec { min: Some(f64::NEG_INFINITY), ..x() },

@@ -26,6 +26,19 @@ pub struct Declaration {
     pub kind: Kind,
     /// The array to which the variable belongs.
     pub array: Option<ArrayElement>,
+    /// Other names.
+    pub aliases: Vec<Alias>,
+}
+
+/// Another name of a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alias {
+    /// Name in the model description.
+    pub name: String,
+    /// Description; in the code from the derive, empty for that of the variable.
+    pub description: String,
+    /// Display unit.
+    pub display: Option<DisplayUnit>,
 }
 
 /// The array to which a variable belongs, and its element.
@@ -308,7 +321,7 @@ impl Layout {
         let agree = elements.iter().all(|element| element.declaration.is_like(&first.declaration));
         let is_whole = elements.len() == of.dimensions.iter().product::<usize>();
         let is_connected = elements.iter().enumerate().all(|(i, element)| element.index == first.index + i);
-        let is_free = self.variables.iter().all(|variable| variable.declaration.name != of.name);
+        let is_free = self.names().all(|name| name != of.name);
         (agree && is_whole && is_connected && is_free).then_some((of, elements))
     }
 
@@ -323,6 +336,11 @@ impl Layout {
             }
         }
         first
+    }
+
+    /// The names of all variables, with their aliases.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.variables.iter().flat_map(|variable| variable.declaration.names())
     }
 
     /// The variable with a value reference.
@@ -410,6 +428,11 @@ impl Real {
 }
 
 impl Declaration {
+    /// The name and the aliases.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(self.name.as_str()).chain(self.aliases.iter().map(|alias| alias.name.as_str()))
+    }
+
     /// Returns true if the variables differ at most in name, description and start value.
     fn is_like(&self, other: &Self) -> bool {
         let is_like = match (&self.kind, &other.kind) {
@@ -524,6 +547,7 @@ fn derivative_of(state: &Declaration) -> Declaration {
         tunable: false,
         local: true,
         calculated: false,
+        aliases: Vec::new(),
         array: state.array.as_ref().map(|array| ArrayElement {
             name: format!("der({})", array.name),
             description: format!("Time derivative of {}", array.description),

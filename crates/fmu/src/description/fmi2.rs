@@ -8,7 +8,7 @@ use super::xml::{
 use super::{Format, Structure, xml};
 use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
-use crate::variable::{Layout, Role, Variable};
+use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty GUID.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
@@ -38,7 +38,9 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
         log_categories(xml)?;
         default_experiment(xml, info)?;
         element(xml, "ModelVariables", &[], |xml| {
-            layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))
+            layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))?;
+            // At the end, because the model structure refers to the positions of the variables.
+            layout.variables.iter().try_for_each(|variable| aliases::<M>(xml, layout, variable))
         })?;
         model_structure::<M>(xml, layout, structure)
     })
@@ -66,6 +68,28 @@ fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable
     }
     element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
         empty(xml, declaration.kind.type_name(Version::Fmi2), &borrowed(&of_type))
+    })
+}
+
+/// Writes an alias as a local variable with the value reference of its variable. It could not have the same causality:
+/// only one variable of the set can be set, and each output must be listed in the model structure.
+fn aliases<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Written {
+    variable.declaration.aliases.iter().try_for_each(|alias| {
+        let mut declaration = Declaration { name: alias.name.clone(), ..variable.declaration.clone() };
+        if let Kind::Real(real) | Kind::Float32(real) = &mut declaration.kind {
+            real.display = alias.display;
+        }
+        let alias_of = Variable { declaration, ..variable.clone() };
+        let (mut attributes, _) = attributes::<M>(layout, variable, &alias.name, &alias.description);
+        attributes.retain(|(name, _)| *name != "initial");
+        for (_, value) in attributes.iter_mut().filter(|(name, _)| *name == "causality") {
+            "local".clone_into(value);
+        }
+        attributes.push(("initial", "calculated".to_owned()));
+        let of_type = type_attributes(layout, &alias_of, Version::Fmi2);
+        element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
+            empty(xml, variable.declaration.kind.type_name(Version::Fmi2), &borrowed(&of_type))
+        })
     })
 }
 

@@ -80,7 +80,7 @@ fn indicator(layout: &Layout, index: usize) -> u32 {
 
 /// Writes the time, under a name that no variable of the model has.
 fn independent_variable(xml: &mut Xml, layout: &Layout) -> Written {
-    let is_free = |name: &&str| layout.variables.iter().all(|variable| variable.declaration.name != *name);
+    let is_free = |name: &&str| layout.names().all(|other| other != *name);
     let name = ["time", "simulation_time"].into_iter().find(is_free).unwrap_or("independent_variable");
     let attributes: [(&str, &dyn Display); 5] = [
         ("name", &name),
@@ -131,14 +131,19 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         attributes.push(("start", starts.join(" ")));
     }
     let (name, attributes) = (declaration.kind.type_name(Version::Fmi3), borrowed(&attributes));
-    let has_content = array.is_some() || (is_text && has_start);
+    let has_content = array.is_some() || (is_text && has_start) || !declaration.aliases.is_empty();
     if !has_content {
         return empty(xml, name, &attributes);
     }
     element(xml, name, &attributes, |xml| {
         let mut dimensions = array.iter().flat_map(|(array, _)| &array.dimensions);
         dimensions.try_for_each(|length| empty(xml, "Dimension", &[("start", length)]))?;
-        starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))
+        starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))?;
+        declaration.aliases.iter().try_for_each(|alias| {
+            let display = alias.display.map(|display| ("displayUnit", display.name.to_owned()));
+            let names = [("name", alias.name.clone()), ("description", alias.description.clone())];
+            empty(xml, "Alias", &borrowed(&names.into_iter().chain(display).collect()))
+        })
     })
 }
 

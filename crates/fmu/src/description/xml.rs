@@ -86,8 +86,7 @@ pub(super) fn facts(version: &str, guid: &'static str, info: &Info, layout: &Lay
 /// convention, lower snake case. In other names a dot may be an ordinary character, so these names are declared as
 /// `flat`.
 fn naming_convention(layout: &Layout) -> &'static str {
-    let is_structured = |variable: &Variable| is_structured(&variable.declaration.name);
-    if layout.variables.iter().all(is_structured) { "structured" } else { "flat" }
+    if layout.names().all(is_structured) { "structured" } else { "flat" }
 }
 
 /// Returns true for lower snake case with indices, joined by dots, and in `der(…)` for a derivative.
@@ -131,7 +130,8 @@ pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
         let Some(real) = variable.declaration.kind.real() else { continue };
         if real.unit.is_declared() {
             let (_, display) = units.entry(real.unit.name).or_insert_with(|| (real.unit, Vec::new()));
-            for one in real.unit.display.iter().copied().chain(real.display) {
+            let of_aliases = variable.declaration.aliases.iter().filter_map(|alias| alias.display);
+            for one in real.unit.display.iter().copied().chain(real.display).chain(of_aliases) {
                 if !display.iter().any(|known| known.name == one.name) {
                     display.push(one);
                 }

@@ -1,5 +1,6 @@
 //! Tests of the exporter with small models: the safe instance, the C interface, the description.
 
+mod aliases;
 mod allocations;
 mod arrays;
 mod binaries;
