@@ -234,6 +234,9 @@ impl Variable {
                 }
                 "min" | "max" => format!("`{key}` is only allowed on parameters, inputs and outputs"),
                 "positive" | "tunable" => format!("`{key}` is only allowed on parameters"),
+                "fmi" if allowed.contains(&"local") => {
+                    "a continuous state exists in all versions of FMI; remove `fmi`".to_owned()
+                }
                 "local" | "calculated" => format!("`{key}` is only allowed on continuous states"),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
@@ -377,6 +380,9 @@ impl Variable {
         if let Some(Some(mime)) = errors.keep(self.value("mime")) {
             set.push(quote_spanned!(mime.span()=> mime = #mime));
         }
+        if let Some(only) = errors.keep(self.only_in(root)).flatten() {
+            set.push(quote!(details.only = ::core::option::Option::Some(#only)));
+        }
         for alias in &self.aliases {
             if let Some(alias) = errors.keep(alias.tokens(root, content, unit.as_ref())) {
                 set.push(quote!(aliases.push(#alias)));
@@ -397,6 +403,19 @@ impl Variable {
             #(spec.#set;)*
             spec
         }))
+    }
+
+    /// The only version of FMI that has the variable, an expression of type `fmu::calls::Version`.
+    fn only_in(&self, root: &TokenStream) -> Result<Option<TokenStream>> {
+        let Some(version) = self.value("fmi")? else { return Ok(None) };
+        match literal(version) {
+            Some(2.0) => Ok(Some(quote!(#root::calls::Version::Fmi2))),
+            Some(3.0) => Ok(Some(quote!(#root::calls::Version::Fmi3))),
+            _ => Err(Error::new(
+                version.span(),
+                "expected the only version that has the variable: `fmi = 2` or `fmi = 3`",
+            )),
+        }
     }
 
     /// Returns true if the attribute or the doc comment declares a unit other than the second.

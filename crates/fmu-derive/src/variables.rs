@@ -44,7 +44,8 @@ impl Block {
             (Self::Derived, Content::Integer | Content::Other) => "elements description",
             (Self::Derived, _) => "unit nominal display elements description",
         };
-        keys.split(' ').chain(["alias"]).collect()
+        let fmi = if self == Self::State { None } else { Some("fmi") };
+        keys.split(' ').chain(["alias"]).chain(fmi).collect()
     }
 }
 

@@ -4,7 +4,7 @@ use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::number::{Number, Size};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Alias, ArrayElement, Declaration, Kind, Real};
+use crate::variable::{Alias, ArrayElement, Declaration, Details, Kind, Real};
 
 /// One element of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +56,8 @@ pub struct Spec {
     pub mime: &'static str,
     /// Other names.
     pub aliases: Vec<Alias>,
+    /// Attributes that few variables have.
+    pub details: Details,
     pub(crate) array: Option<ArrayElement>,
 }
 
@@ -176,6 +178,7 @@ impl Spec {
             kind,
             array: self.array.clone(),
             aliases,
+            details: self.details,
         });
     }
 

@@ -9,14 +9,14 @@ mod fmi3;
 mod structure;
 mod xml;
 
-use self::structure::{Structure, structure};
+use self::structure::{Structure, Unknowns, structure};
 use self::xml::{is_xml, simple_type, with_references};
 use crate::calls::{Interfaces, Version};
 use crate::model::Info;
 use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::Unit;
-use crate::variable::{Kind, Layout, Role};
+use crate::variable::{Kind, Layout, Role, Variable};
 
 /// Category of messages about rejected calls and failed steps; always logged.
 pub const LOG_ERROR: &str = "logStatusError";
@@ -106,16 +106,17 @@ impl Description {
             None if interfaces == Interfaces::NONE => {
                 Err("a stateful model has no model exchange; pack it with the interface cs".to_owned())
             }
-            None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources),
+            None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources, version),
             None => Ok(Structure::default()),
         }
         .map_err(|problem| format!("{}: {problem}", M::INFO.name))?;
         layout.indicators.relations = structure.relations;
+        let unknowns = Unknowns::of::<M>(&layout, &structure).in_version(version);
         let write = match version {
             Version::Fmi2 => fmi2::write::<M>,
             Version::Fmi3 => fmi3::write::<M>,
         };
-        let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
+        let xml = write(&layout.in_version(version), format, &unknowns).expect("writing to memory does not fail");
         let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
         // The GUID is the hash of the description with an empty GUID. The first match is the GUID's attribute, because
         // it is in the root element.
@@ -125,7 +126,7 @@ impl Description {
         let xml = xml.replacen(&format!("{name}=\"\""), &format!("{name}=\"{guid}\""), 1);
         let dependencies = match version {
             Version::Fmi2 => "".into(),
-            Version::Fmi3 => structure::table::<M>(&layout, &structure, format).into(),
+            Version::Fmi3 => structure::table(&layout, &unknowns, format).into(),
         };
         Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes, dependencies })
     }
@@ -151,7 +152,8 @@ impl Description {
             };
             for range in (if at_start { start } else { after_start }).split(' ').filter(|range| !range.is_empty()) {
                 if range == "p" {
-                    let parameters = self.layout.variables.iter().filter(|v| v.role == Role::Parameter);
+                    let is_shown = |v: &&Variable| v.role == Role::Parameter && v.is_in(Version::Fmi3);
+                    let parameters = self.layout.variables.iter().filter(is_shown);
                     parameters.for_each(|parameter| add(parameter.reference));
                     continue;
                 }
@@ -165,7 +167,8 @@ impl Description {
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common,
     /// such as a wheel or an axle; empty if there is none. A terminal cannot contain an element of a native array.
     pub fn terminals(&self, format: Format) -> String {
-        let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
+        let xml =
+            fmi3::terminals(&self.layout.in_version(format.version), format).expect("writing to memory does not fail");
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
@@ -198,10 +201,14 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
 /// Returns an error for the first variable that the FMI version cannot express, if any.
 fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
     let range = Size::Int32.range();
-    layout.variables.iter().filter(|_| format.version == Version::Fmi2).find_map(|variable| {
+    let is_shown = |variable: &&Variable| format.version == Version::Fmi2 && variable.is_in(Version::Fmi2);
+    layout.variables.iter().filter(is_shown).find_map(|variable| {
         let name = &variable.declaration.name;
         if matches!(variable.declaration.kind, Kind::Binary { .. }) {
-            return Some(format!("'{name}' is a Binary, a type that FMI 2.0 does not have: pack with --fmi 3"));
+            return Some(format!(
+                "'{name}' is a Binary, a type that FMI 2.0 does not have: pack with --fmi 3, or leave it out of FMI 2.0 with \
+                 `#[var(fmi = 3)]`"
+            ));
         }
         let Kind::Integer { size, min, max, .. } = &variable.declaration.kind else { return None };
         let fits = range.contains(min) && range.contains(max);
@@ -209,7 +216,8 @@ fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
         (!fits).then(|| {
             format!(
                 "'{name}' of type {size} may have values that an Integer of FMI 2.0 (32 bits) cannot have: declare \
-                 `min` and `max` within [{least}, {greatest}], or pack with --fmi 3"
+                 `min` and `max` within [{least}, {greatest}], pack with --fmi 3, or leave it out of FMI 2.0 with \
+                 `#[var(fmi = 3)]`"
             )
         })
     })
@@ -339,7 +347,7 @@ mod tests {
     use crate::declare::{Spec, named_display_unit};
     use crate::enumeration::Item;
     use crate::unit;
-    use crate::variable::{Alias, ArrayElement, Declaration, Declarations};
+    use crate::variable::{Alias, ArrayElement, Declaration, Declarations, Details};
 
     const INFO: Info = Info {
         name: "Name",
@@ -371,8 +379,9 @@ mod tests {
 
     fn plain(kind: Kind) -> Vec<Declaration> {
         let (name, description) = ("x".to_owned(), "D".to_owned());
-        let (array, aliases) = (None, Vec::new());
-        vec![Declaration { name, description, tunable: false, local: false, calculated: false, kind, array, aliases }]
+        let (array, aliases, details) = (None, Vec::new(), Details::default());
+        let (tunable, local, calculated) = (false, false, false);
+        vec![Declaration { name, description, tunable, local, calculated, kind, array, aliases, details }]
     }
 
     fn enumeration(type_name: &'static str, items: &'static [Item]) -> Kind {
@@ -448,7 +457,8 @@ mod tests {
         assert_eq!(
             problem_of(Format::FMI2, above).unwrap(),
             "'x' of type UInt32 may have values that an Integer of FMI 2.0 (32 bits) cannot have: declare \
-             `min` and `max` within [-2147483648, 2147483647], or pack with --fmi 3"
+             `min` and `max` within [-2147483648, 2147483647], pack with --fmi 3, or leave it out of FMI 2.0 with \
+             `#[var(fmi = 3)]`"
         );
         for (start, message) in
             [("two\nlines\t\r", ""), ("\0", "start of 'x' has a control character that XML cannot hold")]

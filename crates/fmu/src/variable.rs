@@ -28,6 +28,15 @@ pub struct Declaration {
     pub array: Option<ArrayElement>,
     /// Other names.
     pub aliases: Vec<Alias>,
+    /// Attributes that few variables have.
+    pub details: Details,
+}
+
+/// Attributes that few variables have. Their defaults are those of the standard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Details {
+    /// The only version of FMI in which the variable exists; `None` for all versions.
+    pub only: Option<Version>,
 }
 
 /// Another name of a variable.
@@ -246,6 +255,10 @@ impl Variable {
         // The order matters: a comparison with NaN could raise an exception that the host does not mask.
         kind.holds(word) && (!self.has_limits() || kind.is_within_limits(word))
     }
+    /// Returns true if the description of a version declares the variable.
+    pub(crate) fn is_in(&self, version: Version) -> bool {
+        self.declaration.details.only.is_none_or(|only| only == version)
+    }
     /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.
     pub(crate) fn has_limits(&self) -> bool {
         self.role == Role::Parameter
@@ -345,7 +358,18 @@ impl Layout {
 
     /// The variable with a value reference.
     pub fn by_reference(&self, reference: u32) -> Option<&Variable> {
-        self.positions.get(reference as usize).map(|&position| &self.variables[position])
+        self.positions.get(reference as usize).and_then(|&position| self.variables.get(position))
+    }
+
+    /// The same positions and value references, without the variables that a version does not have.
+    pub(crate) fn in_version(&self, version: Version) -> Self {
+        let mut layout = self.clone();
+        layout.variables.retain(|variable| variable.is_in(version));
+        layout.positions.fill(usize::MAX);
+        for (position, variable) in layout.variables.iter().enumerate() {
+            layout.positions[variable.reference as usize] = position;
+        }
+        layout
     }
 
     /// The real variable `index`.
@@ -459,7 +483,8 @@ impl Declaration {
             }
             (one, other) => one.type_name(Version::Fmi3) == other.type_name(Version::Fmi3),
         };
-        is_like && (self.tunable, self.local, self.calculated) == (other.tunable, other.local, other.calculated)
+        let flags = |one: &Self| (one.tunable, one.local, one.calculated, one.details);
+        is_like && flags(self) == flags(other)
     }
 }
 
@@ -548,6 +573,7 @@ fn derivative_of(state: &Declaration) -> Declaration {
         local: true,
         calculated: false,
         aliases: Vec::new(),
+        details: Details::default(),
         array: state.array.as_ref().map(|array| ArrayElement {
             name: format!("der({})", array.name),
             description: format!("Time derivative of {}", array.description),

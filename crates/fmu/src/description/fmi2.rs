@@ -5,13 +5,13 @@ use super::xml::{
     Written, Xml, attributes, borrowed, default_experiment, document, element, empty, facts, interface, items, list,
     log_categories, start, type_attributes, unit_definitions,
 };
-use super::{Format, Structure, xml};
+use super::{Format, xml};
 use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty GUID.
-pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
+pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknowns<'_>) -> std::io::Result<Vec<u8>> {
     let interfaces = format.interfaces;
     let info = &M::INFO;
     let mut facts = facts("2.0", "guid", info, layout);
@@ -42,7 +42,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
             // At the end, because the model structure refers to the positions of the variables.
             layout.variables.iter().try_for_each(|variable| aliases::<M>(xml, layout, variable))
         })?;
-        model_structure::<M>(xml, layout, structure)
+        model_structure(xml, layout, unknowns)
     })
 }
 
@@ -93,13 +93,13 @@ fn aliases<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Wri
     })
 }
 
-fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, structure: &Structure) -> Written {
+fn model_structure(xml: &mut Xml, layout: &Layout, unknowns: &Unknowns<'_>) -> Written {
     let index = |variable: &Variable| layout.structure_index(variable.reference);
     let unknown = |xml: &mut Xml, unknown: &Unknown<'_>| -> Written {
         let dependencies = list(unknown.dependencies.iter().map(|variable| index(variable)));
         empty(xml, "Unknown", &[("index", &index(unknown.variable)), ("dependencies", &dependencies)])
     };
-    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
+    let Unknowns { outputs, derivatives, initial } = unknowns;
     element(xml, "ModelStructure", &[], |xml| {
         let lists = [("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", initial)];
         let mut lists = lists.iter().filter(|(_, unknowns)| !unknowns.is_empty());

@@ -8,13 +8,13 @@ use super::xml::{
     Written, Xml, attributes, borrowed, default_experiment, document, element, empty, facts, interface, items, list,
     log_categories, start, type_attributes, unit_definitions,
 };
-use super::{Format, Structure, xml};
+use super::{Format, xml};
 use crate::calls::Version;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty instantiation token.
-pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
+pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknowns<'_>) -> std::io::Result<Vec<u8>> {
     let info = &M::INFO;
     document("fmiModelDescription", &facts("3.0", "instantiationToken", info, layout), |xml| {
         let interfaces = format.interfaces;
@@ -47,7 +47,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
             }
             Ok(())
         })?;
-        model_structure::<M>(xml, layout, format, structure)
+        model_structure(xml, layout, format, unknowns)
     })
 }
 
@@ -147,7 +147,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     })
 }
 
-fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
+fn model_structure(xml: &mut Xml, layout: &Layout, format: Format, unknowns: &Unknowns<'_>) -> Written {
     // A native array has the dependencies of all its elements.
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let representative =
@@ -170,12 +170,12 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
             empty(xml, name, &[("valueReference", &reference), ("dependencies", &dependencies)])
         })
     };
-    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
+    let Unknowns { outputs, derivatives, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
     element(xml, "ModelStructure", &[], |xml| {
-        write(xml, "Output", &outputs)?;
-        write(xml, "ContinuousStateDerivative", &derivatives)?;
-        write(xml, "InitialUnknown", &initial)?;
+        write(xml, "Output", outputs)?;
+        write(xml, "ContinuousStateDerivative", derivatives)?;
+        write(xml, "InitialUnknown", initial)?;
         (0..indicators).try_for_each(|index| {
             // Without a list of dependencies, the indicator depends on everything.
             empty(xml, "EventIndicator", &[("valueReference", &indicator(layout, index))])

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::Format;
+use crate::calls::Version;
 use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations};
 use crate::expression::Expression;
 use crate::number::Number as _;
@@ -35,7 +36,9 @@ pub(super) struct Structure {
 /// parameters with equal start values. Strings and Integers without limits have too many values to try. Parameters of
 /// these types are ignored if only `load` and `derived` read them, because the results of these functions are constants
 /// in the equations.
-pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
+///
+/// Variables that the version does not have keep their start values.
+pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path, version: Version) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
     // The last known variable is the time.
@@ -47,7 +50,8 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
     // Variables that equations may branch on, with their values.
     let mut branches: Vec<(bool, &Variable, Vec<u64>)> = Vec::new();
     let mut notes = Vec::new();
-    for variable in layout.variables.iter().filter(|v| matches!(v.role, Role::Parameter | Role::Input)) {
+    let may_change = |v: &&Variable| matches!(v.role, Role::Parameter | Role::Input) && v.is_in(version);
+    for variable in layout.variables.iter().filter(may_change) {
         match &variable.declaration.kind {
             Kind::Real(_) => {}
             Kind::Integer { items, .. } if !items.is_empty() => {
@@ -238,20 +242,20 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
 
 /// The dependencies for the functions of FMI 3.0, with a line for each value reference: value references, also as ranges,
 /// after the initialization; behind a semicolon, those at the start, where `p` stands for all parameters.
-pub(super) fn table<M: Model>(layout: &Layout, structure: &Structure, format: Format) -> String {
-    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
+/// The line of a variable of another version is empty.
+pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) -> String {
+    let Unknowns { outputs, derivatives, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
-    let parameters: Vec<u32> =
-        layout.variables.iter().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
+    let shown = || layout.variables.iter().filter(|variable| variable.is_in(format.version));
+    let parameters: Vec<u32> = shown().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
     let mut lines = vec![[const { Vec::new() }; 2]; layout.end as usize + 1];
-    for (at_start, unknown) in outputs.iter().chain(&derivatives).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u)))
-    {
+    for (at_start, unknown) in outputs.iter().chain(derivatives).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u))) {
         let time = unknown.on_time.then_some(layout.end);
         lines[unknown.variable.reference as usize][at_start] =
             unknown.dependencies.iter().map(|known| known.reference).chain(time).collect();
     }
     // An event indicator may depend on everything.
-    let known = layout.variables.iter().filter(|v| matches!(v.role, Role::Input | Role::State)).map(|v| v.reference);
+    let known = shown().filter(|v| matches!(v.role, Role::Input | Role::State)).map(|v| v.reference);
     let known: Vec<_> = known.chain([layout.end]).collect();
     lines.extend(std::iter::repeat_n([known.clone(), [parameters.clone(), known].concat()], indicators));
     let text = |mut references: Vec<u32>| {
@@ -265,7 +269,11 @@ pub(super) fn table<M: Model>(layout: &Layout, structure: &Structure, format: Fo
         });
         has_parameters.then(|| "p".to_owned()).into_iter().chain(ranges).collect::<Vec<_>>().join(" ")
     };
-    lines.into_iter().map(|line| line.map(text).join(";")).collect::<Vec<_>>().join("\n")
+    let line = |(reference, line): (u32, [Vec<u32>; 2])| {
+        let is_shown = layout.by_reference(reference).is_none_or(|variable| variable.is_in(format.version));
+        if is_shown { line.map(text).join(";") } else { String::new() }
+    };
+    (0..).zip(lines).map(line).collect::<Vec<_>>().join("\n")
 }
 
 pub(super) struct Unknown<'a> {
@@ -283,6 +291,15 @@ pub(super) struct Unknowns<'a> {
 }
 
 impl<'a> Unknowns<'a> {
+    /// Without the variables that a version does not have.
+    pub(super) fn in_version(mut self, version: Version) -> Self {
+        for unknowns in [&mut self.outputs, &mut self.derivatives, &mut self.initial] {
+            unknowns.retain(|unknown| unknown.variable.is_in(version));
+            unknowns.iter_mut().for_each(|unknown| unknown.dependencies.retain(|known| known.is_in(version)));
+        }
+        self
+    }
+
     pub(super) fn of<M: Model>(layout: &'a Layout, structure: &Structure) -> Self {
         let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
         let is_real = |variable: &&Variable| matches!(variable.declaration.kind, Kind::Real(_));

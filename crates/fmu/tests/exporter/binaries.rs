@@ -152,7 +152,11 @@ fn the_description_has_type_and_size_of_the_bytes() {
     assert!(rest.trim_start().starts_with("<Start value=\"666f6f\"/>"), "{}", &rest[..60]);
     // FMI 2.0 has no such type; the error names the field.
     let error = Description::try_of::<<Frames as Export>::Model>(Format::FMI2, std::path::Path::new("")).unwrap_err();
-    assert_eq!(error, "Frames: 'header' is a Binary, a type that FMI 2.0 does not have: pack with --fmi 3");
+    assert_eq!(
+        error,
+        "Frames: 'header' is a Binary, a type that FMI 2.0 does not have: pack with --fmi 3, or leave it out of FMI 2.0 with \
+         `#[var(fmi = 3)]`"
+    );
 }
 
 #[test]

@@ -131,13 +131,13 @@ impl<E: Export> Instance<E> {
         other
     }
 
-    fn get(&self, references: &[u32], values: &mut [f64]) -> Status {
+    pub(crate) fn get(&self, references: &[u32], values: &mut [f64]) -> Status {
         let (count, length) = (references.len(), values.len());
         // SAFETY: arrays of these lengths.
         unsafe { fmi3::get_float64::<E>(self.component, references.as_ptr(), count, values.as_mut_ptr(), length) }
     }
 
-    fn set(&self, references: &[u32], values: &[f64]) -> Status {
+    pub(crate) fn set(&self, references: &[u32], values: &[f64]) -> Status {
         let (count, length) = (references.len(), values.len());
         // SAFETY: as above.
         unsafe { fmi3::set_float64::<E>(self.component, references.as_ptr(), count, values.as_ptr(), length) }

@@ -18,6 +18,7 @@ mod minimal;
 mod model_exchange;
 mod models;
 mod numbers;
+mod one_version;
 mod resources;
 mod solvers;
 mod sources;
