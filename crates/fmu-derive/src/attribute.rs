@@ -238,6 +238,7 @@ impl Variable {
                     "a continuous state exists in all versions of FMI; remove `fmi`".to_owned()
                 }
                 "local" | "calculated" => format!("`{key}` is only allowed on continuous states"),
+                "constant" => "`constant` is only allowed on outputs and derived parameters".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),
@@ -382,6 +383,9 @@ impl Variable {
         }
         if let Some(only) = errors.keep(self.only_in(root)).flatten() {
             set.push(quote!(details.only = ::core::option::Option::Some(#only)));
+        }
+        if self.key("constant").is_some() {
+            set.push(quote!(details.constant = true));
         }
         for alias in &self.aliases {
             if let Some(alias) = errors.keep(alias.tokens(root, content, unit.as_ref())) {

@@ -45,7 +45,8 @@ impl Block {
             (Self::Derived, _) => "unit nominal display elements description",
         };
         let fmi = if self == Self::State { None } else { Some("fmi") };
-        keys.split(' ').chain(["alias"]).chain(fmi).collect()
+        let is_constant = matches!(self, Self::Outputs | Self::Derived) && content != Content::Binary;
+        keys.split(' ').chain(["alias"]).chain(fmi).chain(is_constant.then_some("constant")).collect()
     }
 }
 
@@ -58,6 +59,8 @@ struct Part {
     /// The trait that combines states element by element.
     combine: TokenStream,
     declaration: TokenStream,
+    /// The value of a constant, an expression of the type of the field.
+    constant: Option<TokenStream>,
     /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
     /// Constant expression of type `fmu::declare::Name`, followed by a comma, or nothing.
@@ -76,7 +79,12 @@ impl Part {
 
     fn write(&self, root: &TokenStream, number: &TokenStream) -> TokenStream {
         let Self { name, ty, by, .. } = self;
-        quote_spanned!(self.span()=> <#ty as #root::#by<#number>>::write(&self.#name, values, at);)
+        let value = match &self.constant {
+            // The compiler must not warn that the field is never read.
+            Some(constant) => quote!({ let _ = &self.#name; #constant }),
+            None => quote!(self.#name),
+        };
+        quote_spanned!(self.span()=> <#ty as #root::#by<#number>>::write(&#value, values, at);)
     }
 }
 
@@ -384,6 +392,7 @@ fn part(
             ty,
             by: quote!(Variables),
             combine: quote!(ContinuousState),
+            constant: None,
         });
     }
     if block == Block::State && (matches!(content, Content::Integer | Content::Binary | Content::Other) || is_f32(&ty))
@@ -397,6 +406,20 @@ fn part(
         errors.add(Error::new_spanned(&name, "a parameter needs a start value, as in `#[var(start = 1.0)]`"));
     }
     let start = errors.keep(variable.value("start")).flatten();
+    let constant = errors.keep(variable.value("constant")).flatten();
+    if let Some(value) = constant {
+        if start.is_some() {
+            errors.add(Error::new(value.span(), "a constant has its value from the start; remove `start`"));
+        }
+        if element(&ty).is_some() || content == Content::Binary || name_of(&ty).as_deref() == Some("String") {
+            errors.add(Error::new(value.span(), "a constant is a single number, Boolean or enumeration"));
+        }
+        errors.keep(variable.check_start(value));
+        if let Some(message) = mistaken_start(&ty, value) {
+            let message = message.replace("start value of", "value of").replace("`start = ", "`constant = ");
+            errors.add(Error::new(value.span(), message));
+        }
+    }
     match start {
         Some(start) => {
             if variable.key("calculated").is_some() {
@@ -424,7 +447,15 @@ fn part(
             errors.add(Error::new(variable.span(), format!("`{name}` must be in s")));
         }
     }
-    let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, start)));
+    let value = start.or(constant);
+    let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, value)));
+    let constant = constant.map(|value| {
+        let value = start_value(&ty, value, root, number);
+        quote!({
+            let value: <#ty as #root::Field<#number>>::Start = #value;
+            <#ty as ::core::convert::From<_>>::from(value)
+        })
+    });
     let has_start = start.is_some();
     let is_array = element(&ty).is_some();
     for alias in variable.aliases.iter().filter(|_| is_array) {
@@ -443,6 +474,7 @@ fn part(
         ty,
         by: quote!(Field),
         combine: quote!(RealField),
+        constant,
         declaration: declaration.unwrap_or_default(),
         has_starts: quote!(#has_start),
         text,

@@ -37,6 +37,8 @@ pub struct Declaration {
 pub struct Details {
     /// The only version of FMI in which the variable exists; `None` for all versions.
     pub only: Option<Version>,
+    /// True if the variable always has its start value.
+    pub constant: bool,
 }
 
 /// Another name of a variable.

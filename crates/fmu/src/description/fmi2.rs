@@ -85,8 +85,11 @@ fn aliases<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Wri
         for (_, value) in attributes.iter_mut().filter(|(name, _)| *name == "causality") {
             "local".clone_into(value);
         }
-        attributes.push(("initial", "calculated".to_owned()));
-        let of_type = type_attributes(layout, &alias_of, Version::Fmi2);
+        let mut of_type = type_attributes(layout, &alias_of, Version::Fmi2);
+        // All variables of the set are constant. Otherwise, only one can have a start value.
+        let is_constant = variable.declaration.details.constant;
+        attributes.push(("initial", if is_constant { "exact" } else { "calculated" }.to_owned()));
+        of_type.extend(is_constant.then(|| ("start", start(variable))));
         element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
             empty(xml, variable.declaration.kind.type_name(Version::Fmi2), &borrowed(&of_type))
         })

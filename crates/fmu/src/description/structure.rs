@@ -346,6 +346,7 @@ impl<'a> Unknowns<'a> {
             _ => true,
         };
         let is_initial = |v: &&Variable| match v.role {
+            _ if v.declaration.details.constant => false,
             Role::Calculated | Role::Derivative => true,
             Role::State => v.declaration.calculated,
             Role::Output => M::CALCULATES_OUTPUTS,

@@ -198,6 +198,12 @@ pub(super) fn attributes<M: Model>(
         Role::State => (if *local { "local" } else { "output" }, "continuous", exact(*calculated)),
         Role::Derivative => ("local", "continuous", "calculated"),
     };
+    let (causality, variability, initial) = match (variable.declaration.details.constant, variable.role) {
+        // A calculated parameter cannot be constant.
+        (true, Role::Calculated) => ("local", "constant", "exact"),
+        (true, _) => (causality, "constant", "exact"),
+        (false, _) => (causality, variability, initial),
+    };
     let attributes = [
         ("name", name),
         ("valueReference", &variable.reference.to_string()),

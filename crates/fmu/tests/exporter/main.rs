@@ -6,6 +6,7 @@ mod arrays;
 mod binaries;
 mod c_interface;
 mod comparisons;
+mod constants;
 mod dependencies;
 mod derivatives;
 mod description;
