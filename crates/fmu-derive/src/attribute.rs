@@ -238,6 +238,8 @@ impl Variable {
                     "a continuous state exists in all versions of FMI; remove `fmi`".to_owned()
                 }
                 "local" | "calculated" => format!("`{key}` is only allowed on continuous states"),
+                "quantity" => "`quantity` is only allowed on numbers".to_owned(),
+                "relative_quantity" | "unbounded" => format!("`{key}` is only allowed on real variables"),
                 "constant" => "`constant` is only allowed on outputs and derived parameters".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
@@ -383,6 +385,15 @@ impl Variable {
         }
         if let Some(only) = errors.keep(self.only_in(root)).flatten() {
             set.push(quote!(details.only = ::core::option::Option::Some(#only)));
+        }
+        if let Some(Some(quantity)) = errors.keep(self.value("quantity")) {
+            set.push(quote_spanned!(quantity.span()=> details.quantity = #quantity));
+        }
+        for key in ["relative_quantity", "unbounded"] {
+            if errors.keep(self.flag(key)) == Some(true) {
+                let key = Ident::new(key, self.span());
+                set.push(quote!(details.#key = true));
+            }
         }
         if self.key("constant").is_some() {
             set.push(quote!(details.constant = true));

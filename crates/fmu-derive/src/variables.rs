@@ -46,7 +46,13 @@ impl Block {
         };
         let fmi = if self == Self::State { None } else { Some("fmi") };
         let is_constant = matches!(self, Self::Outputs | Self::Derived) && content != Content::Binary;
-        keys.split(' ').chain(["alias"]).chain(fmi).chain(is_constant.then_some("constant")).collect()
+        let of_numbers: &[&str] = match content {
+            Content::Real | Content::Unknown => &["quantity", "relative_quantity", "unbounded"],
+            Content::Integer => &["quantity"],
+            Content::Binary | Content::Other => &[],
+        };
+        let others = ["alias"].into_iter().chain(fmi).chain(is_constant.then_some("constant"));
+        keys.split(' ').chain(others).chain(of_numbers.iter().copied()).collect()
     }
 }
 

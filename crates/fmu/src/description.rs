@@ -252,6 +252,13 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
         if let Some(twice) = declaration.names().find(|name| !names.insert(*name)) {
             return Some(format!("two variables are named '{twice}'"));
         }
+        let details = declaration.details;
+        if !is_text(details.quantity) {
+            return Some(format!("the quantity of '{name}' has a control character that XML cannot hold"));
+        }
+        if (details.relative_quantity || details.unbounded) && declaration.kind.real().is_none() {
+            return Some(format!("'{name}': only a real variable has `relative_quantity` or `unbounded`"));
+        }
         for alias in &declaration.aliases {
             let (other, description) = (&alias.name, &alias.description);
             if !is_text(description) {
@@ -406,6 +413,11 @@ mod tests {
         assert_eq!(problem(real(x(), f64::NAN)), "start of 'x' = NaN is not within [-inf, inf]");
         assert_eq!(problem(real(positive(x()), 0.0)), "start of 'x' = 0 is not within [0.000001, inf]");
         assert_eq!(problem(real(Spec { display_name: Some("deg"), ..x() }, 0.0)), "'x': m cannot be displayed in deg");
+        let unbounded = Details { unbounded: true, ..Details::default() };
+        let mut law = plain(enumeration("Law", ITEMS));
+        law[0].details = unbounded;
+        assert_eq!(problem(law), "'x': only a real variable has `relative_quantity` or `unbounded`");
+        assert_eq!(problem(real(Spec { details: unbounded, ..x() }, 0.0)), "");
         let alias = |name: &str, display: Option<&'static str>| {
             let (name, description) = (name.to_owned(), String::new());
             let aliases = vec![Alias { name, description, display: display.map(named_display_unit) }];

@@ -39,6 +39,12 @@ pub struct Details {
     pub only: Option<Version>,
     /// True if the variable always has its start value.
     pub constant: bool,
+    /// Physical quantity of a number, such as `Angle`; empty if it is not declared.
+    pub quantity: &'static str,
+    /// True for a real number that is a difference, so the offset of a display unit does not apply.
+    pub relative_quantity: bool,
+    /// True for a real number that may become much greater than its nominal value.
+    pub unbounded: bool,
 }
 
 /// Another name of a variable.

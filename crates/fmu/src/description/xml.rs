@@ -13,7 +13,7 @@ use crate::model::Info;
 use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Declaration, Kind, Layout, Role, Variable};
+use crate::variable::{Declaration, Details, Kind, Layout, Role, Variable};
 
 pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
@@ -250,6 +250,11 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable, version: Ver
             attributes.push(("maxSize", most.to_string()));
         }
         Kind::Boolean { .. } | Kind::String { .. } => {}
+    }
+    let Details { quantity, relative_quantity, unbounded, .. } = variable.declaration.details;
+    attributes.extend((!quantity.is_empty()).then(|| ("quantity", quantity.to_owned())));
+    for (name, value) in [("relativeQuantity", relative_quantity), ("unbounded", unbounded)] {
+        attributes.extend(value.then(|| (name, "true".to_owned())));
     }
     attributes
 }

@@ -185,3 +185,60 @@ fn a_variable_can_leave_its_unit_open() {
         assert!(!xml.contains("name=\"\""), "no unit without a name is defined");
     }
 }
+
+#[derive(Parameters)]
+struct Wheel {
+    /// Temperature rise (K)
+    #[var(start = 10.0, display = "degC", quantity = "ThermodynamicTemperature", relative_quantity)]
+    rise: f64,
+}
+
+#[derive(State)]
+struct Turned<T> {
+    /// Angle (rad)
+    #[var(nominal = 1.0, quantity = "Angle", unbounded)]
+    angle: T,
+}
+
+#[derive(Outputs)]
+struct Counted {
+    /// Turns
+    #[var(quantity = "Turns", min = 0)]
+    turns: i32,
+    /// Wear of the sides (1)
+    #[var(quantity = "Wear")]
+    wear: [f32; 2],
+}
+
+/// Wheel
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Wheel {
+    type State<T: Scalar> = Turned<T>;
+    type Outputs<T: Scalar> = Counted;
+    fn derivatives<T: Scalar>(&self, _: At<T, Self>) -> Turned<T> {
+        Turned { angle: T::from(self.rise) }
+    }
+    fn outputs<T: Scalar>(&self, _: At<T, Self>) -> Counted {
+        Counted { turns: 0, wear: [0.0; 2] }
+    }
+}
+
+/// Reference: the attributes of the schemas of FMI 2.0.4 and 3.0.2.
+#[test]
+fn quantities_are_attributes_in_both_versions() {
+    let xml = |format| Description::of::<<Wheel as Export>::Model>(format, Path::new("")).xml;
+    let [two, three] = [Format::FMI2, Format { arrays: true, ..Format::FMI3 }].map(xml);
+    for text in [
+        r#"<Real unit="K" displayUnit="degC" quantity="ThermodynamicTemperature" relativeQuantity="true" start="10.0"/>"#,
+        r#"<Real unit="rad" nominal="1.0" quantity="Angle" unbounded="true" start="0.0"/>"#,
+        r#"<Integer min="0" quantity="Turns"/>"#,
+        r#"<Real unit="1" quantity="Wear"/>"#,
+    ] {
+        assert!(two.contains(text), "{text} in {two}");
+        let of_fmi3 = text.split_once(' ').unwrap().1.trim_end_matches("/>");
+        assert!(three.contains(of_fmi3), "{of_fmi3} in {three}");
+    }
+    // The elements of the array agree, and the derivative has no quantity.
+    assert!(three.contains("<Dimension start=\"2\"/>"));
+    assert_eq!((two.matches(" quantity=").count(), three.matches(" quantity=").count()), (5, 4));
+}
