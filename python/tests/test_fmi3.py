@@ -46,6 +46,7 @@ both = pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 
 def test_there_are_fmus_of_every_kind() -> None:
     kinds = {"RescueVehicle", "AllWheelSteering", "Driver", "BouncingBall", "AllTypes", "WrappedSimulation"} | ONLY_FMI3
+    kinds |= {"ReferenceBouncingBall"}
     missing = kinds - {path.stem for path in FMUS}
     assert not missing, f"run `cargo fmu pack --fmi 3 {' '.join(sorted(missing))}`"
 
@@ -102,7 +103,7 @@ def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
 @both
 @each_fmu
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
-    """Ten steps of a copy without units and nominal values, which fmi-sim 0.7.0 cannot read."""
+    """Ten steps of a copy without units, quantities and nominal values, which fmi-sim 0.7.0 cannot read."""
     description = fmpy.read_model_description(str(path))
     if interface == "ModelExchange" and description.modelExchange is None:
         return
@@ -113,7 +114,7 @@ def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
             if name == "modelDescription.xml":
                 root = etree.fromstring(content)
                 for variable in root.iter("Float64", "Float32"):
-                    for attribute in ("unit", "displayUnit", "nominal"):
+                    for attribute in ("unit", "displayUnit", "quantity", "nominal"):
                         variable.attrib.pop(attribute, None)
                 for definitions in root.findall("UnitDefinitions"):
                     root.remove(definitions)
@@ -203,6 +204,48 @@ def test_every_type_passes_through_fmpy(tmp_path: Path) -> None:
     fmu.freeInstance()
 
 
+# BouncingBall in the Reference FMUs at 1258711: causality, variability, initial, unit, quantity, start, min, max.
+BALL: dict[str, tuple[str | None, ...]] = {
+    "h": ("output", "continuous", "exact", "m", "Position", "1", None, None),
+    "der(h)": ("local", "continuous", "calculated", "m/s", None, None, None, None),
+    "v": ("output", "continuous", "exact", "m/s", "Velocity", "0", None, None),
+    "der(v)": ("local", "continuous", "calculated", "m/s2", None, None, None, None),
+    "g": ("parameter", "fixed", "exact", "m/s2", "Acceleration", "-9.81", None, None),
+    "e": ("parameter", "tunable", "exact", None, None, "0.7", "0.5", "1"),
+    "v_min": ("local", "constant", "exact", "m/s", "Velocity", "0.1", None, None),
+}
+
+
+def test_the_bouncing_ball_is_declared_as_in_the_reference_fmus() -> None:
+    """The original has the quantities in types, also for the derivatives, and leaves out the default of `initial`."""
+    description = fmpy.read_model_description(str(FOLDER3 / "ReferenceBouncingBall.fmu"))
+    # FMPy also lists each alias as a variable.
+    of = {variable.name: variable for variable in description.modelVariables if variable.alias is None}
+    # The solver's step, and the variables that every FMU of FMI 3.0 of this exporter has.
+    assert set(of) == set(BALL) | {"time", "max_step", "event_indicator[1]"}
+
+    def number(text: str | None) -> float | None:
+        return None if text is None else float(text)
+
+    for name, expected in BALL.items():
+        variable = of[name]
+        found = (variable.causality, variable.variability, variable.initial, variable.unit, variable.quantity)
+        assert found == expected[:5], name
+        limits = [number(text) for text in (variable.start, variable.min, variable.max)]
+        assert limits == [number(text) for text in expected[5:]], name
+    (alias,) = of["h"].aliases
+    assert (alias.name, alias.description, alias.displayUnit) == ("h_ft", "Position in feet", "ft")
+
+
+def test_an_alias_of_fmi_2_has_the_values_of_its_variable() -> None:
+    """References: the parabola h = 1 - 9.81/2 t^2 before the first bounce; FMPy's reader of value references."""
+    path = FOLDER3.with_name("fmu2") / "ReferenceBouncingBall.fmu"
+    result = fmpy.simulate_fmu(str(path), stop_time=0.4, step_size=0.1, output=["h", "h_ft", "v_min"])
+    assert np.array_equal(result["h"], result["h_ft"])
+    assert np.allclose(result["h"], 1 - 9.81 / 2 * result["time"] ** 2, rtol=0, atol=1e-12)
+    assert set(result["v_min"]) == {0.1}
+
+
 @each_fmu
 def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: Path) -> None:
     """FMPy 0.3.32 has wrappers for lists, but the first of them passes a type in place of a pointer."""
@@ -240,13 +283,15 @@ def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: P
 
 
 def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:
+    """Record the outputs. Aliases are left out, because FMI 2.0 declares them as local variables."""
+    outputs = [v for v in description.modelVariables if v.causality == "output" and v.alias is None]
     step = float(description.defaultExperiment.stepSize)
     result: NDArray[np.void] = fmpy.simulate_fmu(
         str(path),
         fmi_type=interface,
         solver="Euler",
         input=inputs(description, step),
-        output=[v.name for v in description.modelVariables if v.causality == "output" and v.type != "String"],
+        output=[v.name for v in outputs if v.type != "String"],
         stop_time=DURATION,
         step_size=step,
         output_interval=step,
