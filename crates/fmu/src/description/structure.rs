@@ -240,14 +240,15 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
         .map(|(name, _)| *name)
 }
 
-/// The dependencies for the functions of FMI 3.0, with a line for each value reference: value references, also as ranges,
-/// after the initialization; behind a semicolon, those at the start, where `p` stands for all parameters.
+/// The dependencies for the functions of FMI 3.0. The line of a value reference lists the references on which the variable
+/// depends, as numbers and ranges; after a semicolon, it lists those at the start, where `p` stands for all parameters.
 /// The line of a variable of another version is empty.
 pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) -> String {
     let Unknowns { outputs, derivatives, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
     let shown = || layout.variables.iter().filter(|variable| variable.is_in(format.version));
-    let parameters: Vec<u32> = shown().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
+    let mut parameters: Vec<u32> = shown().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
+    parameters.sort_unstable();
     let mut lines = vec![[const { Vec::new() }; 2]; layout.end as usize + 1];
     for (at_start, unknown) in outputs.iter().chain(derivatives).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u))) {
         let time = unknown.on_time.then_some(layout.end);
@@ -260,8 +261,9 @@ pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) ->
     lines.extend(std::iter::repeat_n([known.clone(), [parameters.clone(), known].concat()], indicators));
     let text = |mut references: Vec<u32>| {
         references.sort_unstable();
+        references.dedup();
         let has_parameters = !parameters.is_empty() && parameters.iter().all(|p| references.binary_search(p).is_ok());
-        references.retain(|reference| !(has_parameters && parameters.contains(reference)));
+        references.retain(|reference| !(has_parameters && parameters.binary_search(reference).is_ok()));
         let ranges = references.chunk_by(|one, next| one + 1 == *next).map(|range| match range {
             [one] => one.to_string(),
             [first, .., last] => format!("{first}-{last}"),
