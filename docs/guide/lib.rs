@@ -15,6 +15,7 @@ pages! {
     variables = "src/variables.md",
     models = "src/models.md",
     events = "src/events.md",
+    clocks = "src/clocks.md",
     solvers = "src/solvers.md",
     resources = "src/resources.md",
     testing = "src/testing.md",

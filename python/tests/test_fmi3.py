@@ -38,8 +38,8 @@ SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 # Duration of the compared runs, s.
 DURATION = 2.0
 
-# FMI 2.0 does not have their types.
-ONLY_FMI3 = {"Feedthrough"}
+# FMI 2.0 does not have their types or clocks.
+ONLY_FMI3 = {"Clocks", "Feedthrough"}
 each_fmu = pytest.mark.parametrize("path", FMUS, ids=lambda path: path.stem)
 both = pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 
@@ -100,8 +100,9 @@ def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
         test_our_own_check_finds_nothing(path)
 
 
+# fmi-sim 0.7.0 reads output clocks with fmi3GetBoolean.
 @both
-@each_fmu
+@pytest.mark.parametrize("path", [path for path in FMUS if path.stem != "Clocks"], ids=lambda path: path.stem)
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
     """Ten steps of a copy without units, quantities and nominal values, which fmi-sim 0.7.0 cannot read."""
     description = fmpy.read_model_description(str(path))
@@ -280,6 +281,69 @@ def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: P
     fmu.exitInitializationMode()
     compare(description.outputs + description.derivatives)
     fmu.freeInstance()
+
+
+# Per second: ticks of the three clocks and of all, result2, output3, and whether outClock ticks. From the published model
+# in scheduled execution.
+TICKS = [
+    ([1, 1, 0, 2], 10, 0, False),
+    ([2, 2, 0, 4], 20, 0, False),
+    ([3, 2, 0, 5], 20, 0, True),
+    ([4, 2, 0, 6], 20, 0, False),
+    ([5, 2, 1, 8], 20, 1000, False),
+    ([6, 2, 1, 9], 20, 1000, False),
+    ([7, 2, 1, 10], 20, 1000, True),
+    ([8, 2, 1, 11], 20, 1000, False),
+    ([9, 3, 1, 13], 30, 1000, False),
+    ([10, 4, 1, 15], 40, 1000, True),
+]
+
+
+def test_clocks_tick_as_in_the_published_model(tmp_path: Path) -> None:
+    """FMPy activates the clocks in Event Mode: inClock1 every second, inClock2 at 0, 1, 8 and 9 s, inClock3 when it is due."""
+    path = FOLDER3 / "Clocks.fmu"
+    description = fmpy.read_model_description(str(path))
+    of = {variable.name: variable.valueReference for variable in description.modelVariables}
+    fmu = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
+    fmu.instantiate(eventModeUsed=True)
+    fmu.enterInitializationMode()
+    assert interval(fmu, of["inClock1"]) == (1.0, 2)
+    assert interval(fmu, of["inClock3"])[1] == 0
+    fmu.exitInitializationMode()
+    counters = ["inClock1Ticks", "inClock2Ticks", "inClock3Ticks", "totalInClockTicks", "result2", "output3"]
+    last = dict.fromkeys(counters, 0)
+    for second, expected in enumerate(TICKS):
+        has_fired = False
+        active = ["inClock1"] + (["inClock2"] if second in (0, 1, 8, 9) else [])
+        while active:
+            fmu.setInt32([of["input2"]], [10])
+            fmu.setClock([of[name] for name in active], [True] * len(active))
+            has_fired |= fmu.getClock([of["outClock"]])[0]
+            for name in counters:
+                clocks = next(v.clocks for v in description.modelVariables if v.name == name)
+                if any(clock.name in active for clock in clocks):
+                    (last[name],) = fmu.getInt32([of[name]])
+            fmu.updateDiscreteStates()
+            # It was started with an interval of 0.
+            active = ["inClock3"] if interval(fmu, of["inClock3"]) == (0.0, 2) else []
+        ticks, result2, output3, fires = expected
+        assert (list(last.values()), has_fired) == ([*ticks, result2, output3], fires), second
+        fmu.enterStepMode()
+        fmu.doStep(float(second), 1.0)
+        fmu.enterEventMode()
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def interval(fmu: FMU3Slave, clock: int) -> tuple[float, int]:
+    """Return the interval of a clock and its qualifier: 0 not yet known, 1 unchanged, 2 changed."""
+    references, intervals, qualifiers = (ctypes.c_uint32 * 1)(clock), (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
+    fmu.getIntervalDecimal(references, intervals, qualifiers)
+    return intervals[0], qualifiers[0]
 
 
 def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:

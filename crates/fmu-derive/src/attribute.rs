@@ -242,6 +242,7 @@ impl Variable {
                 "relative_quantity" | "unbounded" => format!("`{key}` is only allowed on real variables"),
                 "constant" => "`constant` is only allowed on outputs and derived parameters".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
+                "clock" => "`clock` is only allowed on inputs and outputs".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),
             };
@@ -380,6 +381,13 @@ impl Variable {
                 set.push(quote!(#field = &#value));
             }
         }
+        if let Some(Some(clock)) = errors.keep(self.value("clock")) {
+            let names = match clock {
+                Expr::Array(names) => quote!(&#names),
+                name => quote!(&[#name]),
+            };
+            set.push(quote_spanned!(clock.span()=> details.clocks = #names));
+        }
         if let Some(Some(mime)) = errors.keep(self.value("mime")) {
             set.push(quote_spanned!(mime.span()=> mime = #mime));
         }
@@ -505,7 +513,7 @@ impl Variable {
 }
 
 /// The expression without the invisible delimiters of a `macro_rules` fragment.
-fn ungrouped(expression: Expr) -> Expr {
+pub(crate) fn ungrouped(expression: Expr) -> Expr {
     match expression {
         Expr::Group(group) => ungrouped(*group.expr),
         other => other,
@@ -627,7 +635,7 @@ pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
         Some("f64" | "f32") => Content::Real,
         Some("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64") => Content::Integer,
         Some("Bytes") => Content::Binary,
-        Some("bool" | "String") => Content::Other,
+        Some("bool" | "String" | "Clock") => Content::Other,
         Some(name) if number.is_some_and(|number| number == name) => Content::Real,
         _ => Content::Unknown,
     }

@@ -12,10 +12,10 @@ use syn::{
 };
 
 use crate::attribute::{doc, literal, private};
-use crate::comparison;
 use crate::errors::Errors;
 use crate::forgotten::{self, Kind, associated_type, functions};
 use crate::reads;
+use crate::{clocks, comparison};
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
@@ -132,6 +132,11 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             return TokenStream::new();
         }
     };
+    let clocks = match kind {
+        Kind::Discrete => clocks::lift(&mut block.items, &block.self_ty, &root, errors),
+        _ => None,
+    };
+    let runner = if clocks.is_some() { quote!(ClockedModel) } else { runner };
     forgotten::complete(&mut block.items, kind, &root, errors);
     let declared = block.items.clone();
     if kind == Kind::Continuous {
@@ -222,13 +227,14 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         block.items.push(info);
     }
     if errors.is_empty() {
-        let export = export(&block.self_ty, &root, &runner, kind != Kind::Stateful);
+        let has_exchange = kind != Kind::Stateful && clocks.is_none();
+        let export = export(&block.self_ty, &root, &runner, has_exchange);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
         let names = shared_names(kind, &block, &root);
-        quote!(#block #export #numbers #starts #names)
+        quote!(#block #clocks #export #numbers #starts #names)
     } else {
-        block.to_token_stream()
+        quote!(#block #clocks)
     }
 }
 

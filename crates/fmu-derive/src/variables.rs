@@ -33,11 +33,13 @@ impl Block {
             (Self::Parameters, Content::Unknown) => {
                 "start tunable enumeration unit min max nominal display positive elements description nested flatten"
             }
-            (Self::Inputs | Self::Outputs, Content::Binary) => "start mime elements description nested flatten",
-            (Self::Inputs | Self::Outputs, Content::Other) => "start elements description nested flatten",
-            (Self::Inputs | Self::Outputs, Content::Integer) => "start min max elements description nested flatten",
+            (Self::Inputs | Self::Outputs, Content::Binary) => "start clock mime elements description nested flatten",
+            (Self::Inputs | Self::Outputs, Content::Other) => "start clock elements description nested flatten",
+            (Self::Inputs | Self::Outputs, Content::Integer) => {
+                "start clock min max elements description nested flatten"
+            }
             (Self::Inputs | Self::Outputs, _) => {
-                "unit start min max nominal display elements description enumeration nested flatten"
+                "unit start clock min max nominal display elements description enumeration nested flatten"
             }
             (Self::State, _) => "unit start nominal display local calculated elements description nested flatten",
             (Self::Derived, Content::Binary) => "mime elements description",

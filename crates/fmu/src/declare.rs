@@ -239,6 +239,10 @@ impl Spec {
         self.add(self.text(), Kind::Boolean { start: start.unwrap_or(false) }, all);
     }
 
+    pub(crate) fn declare_clock(&self, all: &mut Vec<Declaration>) {
+        self.add(self.text(), Kind::Clock(None), all);
+    }
+
     pub(crate) fn declare_string(&self, start: Option<&'static str>, all: &mut Vec<Declaration>) {
         self.add(self.text(), Kind::String { start: start.unwrap_or("").to_owned() }, all);
     }

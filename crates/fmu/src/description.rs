@@ -12,6 +12,7 @@ mod xml;
 use self::structure::{Structure, Unknowns, structure};
 use self::xml::{is_xml, simple_type, with_references};
 use crate::calls::{Interfaces, Version};
+use crate::clocks::{self, InputClock, Interval, Timing};
 use crate::model::Info;
 use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
@@ -104,7 +105,8 @@ impl Description {
         let structure = match contradiction(&M::INFO, &layout, format) {
             Some(problem) => Err(problem),
             None if interfaces == Interfaces::NONE => {
-                Err("a stateful model has no model exchange; pack it with the interface cs".to_owned())
+                let what = if M::HAS_CLOCKS { "a model with clocks" } else { "a stateful model" };
+                Err(format!("{what} has no model exchange; pack it with the interface cs"))
             }
             None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources, version),
             None => Ok(Structure::default()),
@@ -210,6 +212,11 @@ fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
                  `#[var(fmi = 3)]`"
             ));
         }
+        if let Kind::Clock(Some(InputClock { timing: Timing::Triggered, .. })) = variable.declaration.kind {
+            return Some(format!(
+                "'{name}' is a triggered clock, which nothing would activate in FMI 2.0: pack with --fmi 3"
+            ));
+        }
         let Kind::Integer { size, min, max, .. } = &variable.declaration.kind else { return None };
         let fits = range.contains(min) && range.contains(max);
         let (size, least, greatest) = (size.name(), range.start(), range.end());
@@ -220,6 +227,40 @@ fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
                  `#[var(fmi = 3)]`"
             )
         })
+    })
+}
+
+/// Returns the first mistake in the declarations of clocks and clocked variables, if any.
+fn mistaken_clock(layout: &Layout) -> Option<String> {
+    let clocks: Vec<_> = layout.variables.iter().filter(|variable| variable.role == Role::Clock).collect();
+    layout.variables.iter().find_map(|variable| {
+        let name = &variable.declaration.name;
+        let is_unknown = |of: &&&str| clocks.iter().all(|clock| clock.declaration.name != **of);
+        if let Some(of) = variable.declaration.details.clocks.iter().find(is_unknown) {
+            let known: Vec<_> = clocks.iter().map(|clock| &*clock.declaration.name).collect();
+            return Some(format!(
+                "'{name}': the model has no input clock '{of}'; a method with `#[clock(…)]` declares one (found: {})",
+                if known.is_empty() { "none".to_owned() } else { known.join(", ") }
+            ));
+        }
+        match variable.declaration.kind {
+            Kind::Clock(None) if variable.role != Role::Output => {
+                Some(format!("'{name}' cannot be a `Clock`: an input clock is a method with `#[clock(triggered)]`"))
+            }
+            Kind::Clock(None) if clocks.is_empty() => {
+                Some(format!("the clock '{name}' cannot tick: no method of the model has the attribute `#[clock(…)]`"))
+            }
+            Kind::Clock(Some(InputClock { timing, .. })) => match timing.interval() {
+                Some(Interval::Of(parameter)) if clocks::parameter(layout, parameter).is_none() => {
+                    Some(format!("the interval of the clock '{name}': the model has no real parameter '{parameter}'"))
+                }
+                Some(Interval::Constant(span)) if !(span.seconds() > 0.0 && span.seconds().is_finite()) => {
+                    Some(format!("the interval of the clock '{name}' must be above 0 s, got {} s", span.seconds()))
+                }
+                _ => None,
+            },
+            _ => None,
+        }
     })
 }
 
@@ -329,6 +370,9 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
             }
             _ => {}
         }
+    }
+    if let Some(problem) = mistaken_clock(layout) {
+        return Some(problem);
     }
     if format.version == Version::Fmi2 {
         return None;

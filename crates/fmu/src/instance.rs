@@ -13,6 +13,7 @@ use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
 
+mod clocks;
 mod co_simulation;
 mod derivatives;
 mod model_exchange;
@@ -34,6 +35,9 @@ impl From<String> for CallError {
         Self::Error(message)
     }
 }
+
+#[cfg(feature = "testing")]
+pub use clocks::Qualifier;
 
 type CallResult<T = ()> = Result<T, CallError>;
 
@@ -351,6 +355,12 @@ impl<M: Model> Instance<M> {
     /// Discards outputs and derivatives, which are computed again when they are read.
     #[inline]
     fn forget_results(&mut self) {
+        if M::HAS_CLOCKS
+            && let Some(run) = &mut self.run
+        {
+            M::restore_outputs(run, &self.description.layout, &mut self.values);
+            M::forget_evaluation(run);
+        }
         self.outputs_are_old = true;
         self.derivatives_are_old = true;
         self.has_not_finite = false;
@@ -360,7 +370,8 @@ impl<M: Model> Instance<M> {
     fn outputs_are_due(&self) -> bool {
         // A source computes outputs up to the start and then holds them; a stateful model computes them in each step.
         let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && self.is_before_start());
-        are_computed && self.outputs_are_old
+        let are_clocked = M::HAS_CLOCKS && self.mode == Mode::Event;
+        (are_computed || are_clocked) && self.outputs_are_old
     }
 
     #[inline]
@@ -396,8 +407,11 @@ impl<M: Model> Instance<M> {
             self.derive()?;
         }
         let is_frozen = M::MODEL_EXCHANGE && self.mode == Mode::ContinuousTime;
-        let Run { ctx, run, values } = self.context();
         let mut has_not_finite = false;
+        if M::HAS_CLOCKS && self.mode == Mode::Event {
+            M::evaluate_clocks(self.context())?;
+        }
+        let Run { ctx, run, values } = self.context();
         if outputs {
             if is_frozen {
                 M::eval_frozen(ctx, run, values, true);

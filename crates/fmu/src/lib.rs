@@ -79,6 +79,7 @@ mod abi;
 mod bytes;
 mod calls;
 mod clock;
+mod clocks;
 mod combinations;
 mod comparison;
 mod declare;
@@ -106,6 +107,7 @@ mod variables;
 
 pub use bytes::Bytes;
 pub use clock::slack;
+pub use clocks::{Clock, Tick};
 pub use definition::{Definition, LEAST_POSITIVE, MAX_STEP, Range, SAMPLE_TIME, TOLERANCE};
 pub use discrete_state::{DiscreteState, StateField, Word, Words};
 pub use dual::{Dual, Dual64};
@@ -134,6 +136,7 @@ macro_rules! open {
 #[doc(hidden)]
 pub mod __private {
     pub use crate::abi::Export;
+    pub use crate::clocks::{Clocked, InputClock, Interval, NoTimer, Schedule, Span, Timing};
     pub use crate::declare::*;
     pub use crate::enumeration::Item;
     pub use crate::number::Size;
@@ -181,8 +184,8 @@ pub mod prelude {
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};
     #[doc(no_inline)]
     pub use crate::{
-        At, Bytes, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver, Stateful,
-        TOLERANCE, Table, Unit,
+        At, Bytes, Clock, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver,
+        Stateful, TOLERANCE, Table, Tick, Unit,
     };
 }
 

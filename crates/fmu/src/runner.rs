@@ -1,5 +1,6 @@
 //! Executes models: one interface for continuous-time, discrete-time and stateful models.
 
+mod clocked;
 mod continuous;
 mod discrete;
 mod modes;
@@ -7,6 +8,7 @@ mod stateful;
 
 use std::path::Path;
 
+pub use clocked::ClockedModel;
 pub use continuous::ContinuousModel;
 pub use discrete::DiscreteModel;
 pub use modes::Modes;
@@ -15,6 +17,7 @@ pub use stateful::StatefulModel;
 use fmu_math::sparse::Structure;
 
 use crate::clock::Clock;
+use crate::clocks::{InputClock, Schedule};
 use crate::declare::Spec;
 use crate::definition::Definition;
 use crate::discrete_state::{DiscreteState, Word, Words};
@@ -54,6 +57,8 @@ pub struct Step {
     pub sample: u64,
     /// True if the step ends at the first event, which is handled later.
     pub stops_at_events: bool,
+    /// True if the importer activates the clocks.
+    pub importer_ticks: bool,
 }
 
 /// Result of an event in model exchange.
@@ -117,6 +122,10 @@ pub trait Model: Sized + 'static {
     const HAS_ERROR_CONTROL: bool = false;
     /// True if a step can have events.
     const HAS_EVENTS: bool = false;
+    /// Input clocks.
+    const CLOCKS: &'static [InputClock] = &[];
+    /// True if the model has clocks.
+    const HAS_CLOCKS: bool = !Self::CLOCKS.is_empty();
     /// The parameters.
     type Parameters: Parameters;
     /// Derived parameters.
@@ -153,6 +162,23 @@ pub trait Model: Sized + 'static {
     fn init_events(_: &mut Self::RunnerState, _: &Layout, _time: f64) {}
     /// Computes the outputs; for a source, those of its first sample.
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
+    /// The schedules of the input clocks.
+    fn schedules(_: &Self::RunnerState) -> &[Schedule] {
+        &[]
+    }
+    /// If a clock that the importer activates is due before `end`, the end of a step of `step` s, returns the message.
+    fn missed_tick(_: Run<'_, Self>, _end: f64, _step: f64) -> Option<String> {
+        None
+    }
+    /// Event Mode: evaluates the parts of the active clocks, if this has not been done. Fails, without changing
+    /// `values`, like [`Self::step`].
+    fn evaluate_clocks(_: Run<'_, Self>) -> Result<(), String> {
+        Ok(())
+    }
+    /// Event Mode: writes the outputs from before the active clocks were evaluated.
+    fn restore_outputs(_: &Self::RunnerState, _: &Layout, _: &mut ValueStore) {}
+    /// Event Mode: the active clocks are evaluated again when their outputs are read.
+    fn forget_evaluation(_: &mut Self::RunnerState) {}
     /// Computes the derivatives of the state.
     fn derivatives(_: Context<'_, Self>, _: &Self::RunnerState, _: &mut ValueStore) {}
     /// Derivatives of the real outputs, then of the state derivatives, along `direction` (real inputs, states, time).

@@ -3,8 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::clock::Clock;
+use crate::clocks::Clocked;
 use crate::model::{Continuous, Discrete, Sample};
-use crate::runner::{Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Run, Step};
+use crate::runner::{ClockedModel, Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Run, Step};
 use crate::store::{Counts, ValueStore};
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::Variables as _;
@@ -173,7 +175,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
         let Context { layout, time, .. } = run.ctx;
-        let interval = Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false };
+        let interval =
+            Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false, importer_ticks: false };
         let parts = Runner::<M>::parts(layout, run.values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
@@ -249,5 +252,87 @@ impl<M: Discrete> DiscreteSimulation<M> {
         model.check(&Sample { time, state, inputs, derived })?;
         *samples += 1;
         Ok(model.update(Sample { time, state, inputs, derived }))
+    }
+}
+
+/// A run of a discrete-time model with clocks. They tick inside the steps, as in an FMU whose importer has no clocks.
+pub struct ClockedSimulation<M: Clocked> {
+    model: M,
+    derived: M::Derived,
+    layout: Layout,
+    run: <ClockedModel<M> as Model>::RunnerState,
+    values: ValueStore,
+    time: f64,
+}
+
+impl<M: Clocked> std::fmt::Debug for ClockedSimulation<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ClockedSimulation").field("model", &M::INFO.name).field("time", &self.time).finish()
+    }
+}
+
+impl<M: Clocked> ClockedSimulation<M> {
+    /// Like [`ContinuousSimulation::new`]. Clocks that are due at time 0 have not ticked yet.
+    pub fn new(model: M) -> Result<Self, String> {
+        let layout = ClockedModel::<M>::layout();
+        let resources = Path::new(M::INFO.resources);
+        let derived = model.load(resources)?;
+        let mut values = ValueStore::start(&layout);
+        model.write(&mut values.view_mut(), Counts::ZERO);
+        let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
+        let run = ClockedModel::<M>::init(ctx, resources, &values)?;
+        Ok(Self { model, derived, layout, run, values, time: 0.0 })
+    }
+
+    /// Time in s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The discrete state.
+    #[must_use]
+    pub fn state(&self) -> &M::State {
+        self.run.state()
+    }
+
+    /// Advances the time by `step` in s, with constant inputs. A clock that is due at the end ticks in the next step.
+    /// Returns the outputs; an output clock has fired if it ticked in this step. Fails if a value is not finite, or if
+    /// clocks tick too often.
+    pub fn step(&mut self, inputs: &M::Inputs, step: f64) -> Result<M::Outputs, String> {
+        let interval = Step {
+            start: 0.0,
+            reached: self.time,
+            time: self.time,
+            step,
+            sample: 0,
+            stops_at_events: false,
+            importer_ticks: false,
+        };
+        ClockedModel::<M>::step(self.context(inputs), interval, 0)?;
+        self.time += step;
+        Ok(M::Outputs::read(self.values.view(), self.layout.outputs.at))
+    }
+
+    /// Lets triggered clocks tick now, and returns the outputs. Fails if the model has no input clock with one of the
+    /// names, or like [`Self::step`].
+    pub fn trigger(&mut self, inputs: &M::Inputs, clocks: &[&str]) -> Result<M::Outputs, String> {
+        for name in clocks {
+            let clock = M::CLOCKS.iter().position(|clock| clock.name == *name);
+            let clock = clock.ok_or_else(|| format!("the model has no input clock '{name}'"))?;
+            self.values.booleans[self.layout.clocks.at.booleans + clock] = true;
+        }
+        let Run { ctx, run, values } = self.context(inputs);
+        ClockedModel::<M>::evaluate_clocks(Run { ctx, run, values })?;
+        let outputs = M::Outputs::read(values.view(), ctx.layout.outputs.at);
+        let mut clock = Clock::ZERO;
+        ClockedModel::<M>::handle_events(Run { ctx, run, values }, &mut clock)?;
+        Ok(outputs)
+    }
+
+    fn context(&mut self, inputs: &M::Inputs) -> Run<'_, ClockedModel<M>> {
+        let Self { model, derived, layout, run, values, time } = self;
+        inputs.write(&mut values.view_mut(), layout.inputs.at);
+        Run { ctx: Context { p: model, derived, layout, time: *time }, run, values }
     }
 }

@@ -4,6 +4,7 @@ use std::ops::{Range, RangeInclusive};
 
 use crate::bytes::Buffer;
 use crate::calls::Version;
+use crate::clocks::InputClock;
 use crate::enumeration::Item;
 use crate::number::{self, Number as _, Size, is_finite_f32};
 use crate::store::{Counts, ValueStore};
@@ -39,6 +40,8 @@ pub struct Details {
     pub only: Option<Version>,
     /// True if the variable always has its start value.
     pub constant: bool,
+    /// Names of the input clocks to which the variable belongs.
+    pub clocks: &'static [&'static str],
     /// Physical quantity of a number, such as `Angle`; empty if it is not declared.
     pub quantity: &'static str,
     /// True for a real number that is a difference, so the offset of a display unit does not apply.
@@ -114,6 +117,8 @@ pub enum Kind {
         /// Type of the data, such as `image/png`; empty if it is not declared.
         mime: &'static str,
     },
+    /// A clock: an input clock, or a triggered output clock.
+    Clock(Option<InputClock>),
 }
 
 /// Attributes of a real variable.
@@ -148,6 +153,8 @@ pub enum Role {
     State,
     /// The derivative of the state with the same position.
     Derivative,
+    /// An input clock, activated by the master.
+    Clock,
 }
 
 /// A variable with the position of its value.
@@ -176,6 +183,10 @@ impl Block {
     /// Indices of the reals.
     pub const fn reals(&self) -> Range<usize> {
         self.at.reals..self.at.reals + self.counts.reals
+    }
+    /// Indices of the Booleans.
+    pub const fn booleans(&self) -> Range<usize> {
+        self.at.booleans..self.at.booleans + self.counts.booleans
     }
     /// Position of a real in the block by its value reference.
     pub(crate) fn position(&self, reference: u32) -> Option<usize> {
@@ -223,6 +234,10 @@ pub struct Layout {
     pub states: Block,
     /// Derivatives of the states.
     pub derivatives: Block,
+    /// Input clocks: Booleans that are true while the clock is active.
+    pub clocks: Block,
+    /// Indices of the Booleans that are output clocks.
+    pub output_clocks: Vec<usize>,
     /// Numbers of event indicators.
     pub indicators: Indicators,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
@@ -250,6 +265,8 @@ pub struct Declarations {
     pub outputs: Vec<Declaration>,
     /// Continuous states.
     pub states: Vec<Declaration>,
+    /// Input clocks.
+    pub clocks: &'static [InputClock],
     /// Number of zero crossings.
     pub crossings: usize,
     /// Name of the parameter that the solver reads.
@@ -284,10 +301,11 @@ impl Layout {
             (Role::Output, declared.outputs),
             (Role::State, declared.states),
             (Role::Derivative, derivatives),
+            (Role::Clock, declared.clocks.iter().map(clock).collect()),
         ];
         let mut total = Counts::ZERO;
         let mut variables = Vec::new();
-        let [parameters, derived, inputs, outputs, states, derivatives] = blocks.map(|(role, block)| {
+        let [parameters, derived, inputs, outputs, states, derivatives, clocks] = blocks.map(|(role, block)| {
             let (at, mut counts) = (total, Counts::ZERO);
             for declaration in block {
                 let index = declaration.kind.of(at.plus(counts));
@@ -309,6 +327,9 @@ impl Layout {
             variable.reference = u32::try_from(reference).expect("below the end");
             positions[reference] = position;
         }
+        let is_output_clock =
+            |variable: &&Variable| variable.role == Role::Output && matches!(variable.declaration.kind, Kind::Clock(_));
+        let output_clocks = variables.iter().filter(is_output_clock).map(|variable| variable.index).collect();
         let is_solver = |variable: &&Variable| {
             variable.role == Role::Parameter && Some(variable.declaration.name.as_str()) == declared.solver
         };
@@ -320,6 +341,8 @@ impl Layout {
             outputs,
             states,
             derivatives,
+            clocks,
+            output_clocks,
             indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
             first,
@@ -362,6 +385,13 @@ impl Layout {
     /// The names of all variables, with their aliases.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.variables.iter().flat_map(|variable| variable.declaration.names())
+    }
+
+    /// The input clocks of a variable; all of them if it names none.
+    pub(crate) fn clocks_of(&self, variable: &Variable) -> impl Iterator<Item = &Variable> {
+        let names = variable.declaration.details.clocks;
+        let clocks = self.variables.iter().filter(|clock| clock.role == Role::Clock);
+        clocks.filter(move |clock| names.is_empty() || names.contains(&&*clock.declaration.name))
     }
 
     /// The variable with a value reference.
@@ -428,6 +458,7 @@ impl ValueStore {
                 Kind::Float32(real) => words.push((real.start as f32).word()),
                 Kind::Integer { start, .. } => words.push(*start as u64),
                 Kind::Boolean { start } => booleans.push(*start),
+                Kind::Clock(_) => booleans.push(false),
                 Kind::String { start } => strings.push(start.clone()),
                 kind @ Kind::Binary { .. } => binaries.extend(kind.buffer()),
             }
@@ -446,7 +477,7 @@ impl ValueStore {
         match variable.declaration.kind {
             Kind::Real(_) => self.reals[index] != other.reals[index],
             Kind::Float32(_) | Kind::Integer { .. } => self.words[index] != other.words[index],
-            Kind::Boolean { .. } => self.booleans[index] != other.booleans[index],
+            Kind::Boolean { .. } | Kind::Clock(_) => self.booleans[index] != other.booleans[index],
             Kind::String { .. } => self.strings[index] != other.strings[index],
             Kind::Binary { .. } => self.binaries[index] != other.binaries[index],
         }
@@ -468,6 +499,8 @@ impl Declaration {
     /// Returns true if the variables differ at most in name, description and start value.
     fn is_like(&self, other: &Self) -> bool {
         let is_like = match (&self.kind, &other.kind) {
+            // A clock is always a scalar.
+            (Kind::Clock(_), _) => false,
             (Kind::Real(one), Kind::Real(other)) | (Kind::Float32(one), Kind::Float32(other)) => {
                 let limits = |real: &Real| [real.min, real.max, real.nominal].map(|value| value.map(f64::to_bits));
                 let display = |real: &Real| real.display.map(|display| display.name);
@@ -501,7 +534,7 @@ impl Kind {
         match self {
             Self::Real(_) => Counts::REAL,
             Self::Float32(_) | Self::Integer { .. } => Counts::WORD,
-            Self::Boolean { .. } => Counts::BOOLEAN,
+            Self::Boolean { .. } | Self::Clock(_) => Counts::BOOLEAN,
             Self::String { .. } => Counts::STRING,
             Self::Binary { .. } => Counts::BINARY,
         }
@@ -510,7 +543,7 @@ impl Kind {
         match self {
             Self::Real(_) => counts.reals,
             Self::Float32(_) | Self::Integer { .. } => counts.words,
-            Self::Boolean { .. } => counts.booleans,
+            Self::Boolean { .. } | Self::Clock(_) => counts.booleans,
             Self::String { .. } => counts.strings,
             Self::Binary { .. } => counts.binaries,
         }
@@ -560,7 +593,8 @@ impl Kind {
     pub fn type_name(&self, version: Version) -> &'static str {
         match (self, version) {
             (Self::Integer { is_enumeration: true, .. }, _) => "Enumeration",
-            (Self::Boolean { .. }, _) => "Boolean",
+            (Self::Boolean { .. }, _) | (Self::Clock(_), Version::Fmi2) => "Boolean",
+            (Self::Clock(_), Version::Fmi3) => "Clock",
             (Self::String { .. }, _) => "String",
             (Self::Binary { .. }, _) => "Binary",
             (Self::Real(_) | Self::Float32(_), Version::Fmi2) => "Real",
@@ -595,5 +629,19 @@ fn derivative_of(state: &Declaration) -> Declaration {
             max: None,
             nominal: None,
         }),
+    }
+}
+
+fn clock(clock: &InputClock) -> Declaration {
+    Declaration {
+        name: clock.name.to_owned(),
+        description: clock.description.to_owned(),
+        tunable: false,
+        local: false,
+        calculated: false,
+        kind: Kind::Clock(Some(*clock)),
+        array: None,
+        aliases: Vec::new(),
+        details: Details::default(),
     }
 }

@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use crate::bytes::Bytes;
+use crate::clocks::Clock;
 use crate::declare::{Name, Spec};
 use crate::number::{Number as _, Size};
 use crate::scalar::Scalar;
@@ -146,6 +147,28 @@ impl<T: Scalar, const N: usize> Field<T> for Bytes<N> {
     #[inline]
     fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
         values.binaries[at.binaries].set(self);
+    }
+}
+
+/// A clock has no start value.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub enum NoStart {}
+
+impl<T: Scalar> Field<T> for Clock {
+    type Start = NoStart;
+    const COUNTS: Counts = Counts::BOOLEAN;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, _: Option<NoStart>, all: &mut Vec<Declaration>) {
+        spec.declare_clock(all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        Self(values.booleans[at.booleans])
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.booleans[at.booleans] = self.0;
     }
 }
 

@@ -13,7 +13,9 @@ pub use super::common::{
 };
 use super::float_environment::argument;
 use super::values::{self, Binaries, List, check_count, elements};
-use super::{Call, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text};
+use super::{
+    Call, CallResult, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text,
+};
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::Instance;
@@ -202,12 +204,170 @@ pub unsafe fn set_binary<E: Export>(
 }
 
 /// Functions for types that no variable has: only calls with empty lists are valid.
-pub unsafe fn no_variables<E: Export>(component: Component, function: Function, count: size_t) -> Status {
+pub unsafe fn no_variables<E: Export>(
+    component: Component,
+    function: Function,
+    _references: *const ValueReference,
+    count: size_t,
+) -> Status {
     let run = |_: &mut Handle<E>, call: &Call<E>| match count {
         0 => Ok(()),
         _ => Err(call.error("no variable of this FMU has this type")),
     };
     unsafe { call::<E>(component, function, run) }
+}
+
+/// Calls `f` with the references of clocks. An FMU without clocks does not contain the code of `f`.
+unsafe fn clocks<E: Export>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    f: impl FnOnce(&mut Instance<E::Model>, &Call<E>, &[ValueReference]) -> CallResult,
+) -> Status {
+    if !<E::Model as Model>::HAS_CLOCKS {
+        return unsafe { no_variables::<E>(component, function, references, count) };
+    }
+    unsafe {
+        call::<E>(component, function, |h, call| {
+            let references = call.array("valueReferences", references, count)?;
+            f(&mut h.instance, call, references)
+        })
+    }
+}
+
+/// fmi3GetClock.
+pub unsafe fn get_clock<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut Boolean,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::GetClock, references, count, |instance, call, references| {
+            let values = call.array_mut("values", values, count)?;
+            references.iter().try_for_each(|&reference| instance.get_clock(reference).map(drop))?;
+            for (value, &reference) in values.iter_mut().zip(references) {
+                *value = instance.get_clock(reference)?.into();
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi3SetClock.
+pub unsafe fn set_clock<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const Boolean,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::SetClock, references, count, |instance, call, references| {
+            let values: Vec<_> = call.array("values", values, count)?.iter().map(|&value| value != 0).collect();
+            instance.set_clock(references, &values)
+        })
+    }
+}
+
+/// fmi3GetIntervalDecimal.
+pub unsafe fn get_interval_decimal<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    intervals: *mut f64,
+    qualifiers: *mut c_int,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::GetIntervalDecimal, references, count, |instance, call, references| {
+            let intervals = call.array_mut("intervals", intervals, count)?;
+            let qualifiers = call.array_mut("qualifiers", qualifiers, count)?;
+            references.iter().try_for_each(|&reference| instance.interval(reference).map(drop))?;
+            for ((interval, qualifier), &reference) in intervals.iter_mut().zip(qualifiers).zip(references) {
+                let (seconds, found) = instance.interval(reference)?;
+                (*interval, *qualifier) = (seconds, found as c_int);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetIntervalFraction.
+pub unsafe fn get_interval_fraction<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    counters: *mut u64,
+    resolutions: *mut u64,
+    qualifiers: *mut c_int,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::GetIntervalFraction, references, count, |instance, call, references| {
+            let counters = call.array_mut("counters", counters, count)?;
+            let resolutions = call.array_mut("resolutions", resolutions, count)?;
+            let qualifiers = call.array_mut("qualifiers", qualifiers, count)?;
+            references.iter().try_for_each(|&reference| instance.interval_fraction(reference).map(drop))?;
+            for (i, &reference) in references.iter().enumerate() {
+                let (fraction, found) = instance.interval_fraction(reference)?;
+                ((counters[i], resolutions[i]), qualifiers[i]) = (fraction, found as c_int);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetShiftDecimal.
+pub unsafe fn get_shift_decimal<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    shifts: *mut f64,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::GetShiftDecimal, references, count, |instance, call, references| {
+            let shifts = call.array_mut("shifts", shifts, count)?;
+            references.iter().try_for_each(|&reference| instance.shift(reference).map(drop))?;
+            for (shift, &reference) in shifts.iter_mut().zip(references) {
+                *shift = instance.shift(reference)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetShiftFraction.
+pub unsafe fn get_shift_fraction<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    counters: *mut u64,
+    resolutions: *mut u64,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, Function::GetShiftFraction, references, count, |instance, call, references| {
+            let counters = call.array_mut("counters", counters, count)?;
+            let resolutions = call.array_mut("resolutions", resolutions, count)?;
+            references.iter().try_for_each(|&reference| instance.shift_fraction(reference).map(drop))?;
+            for (i, &reference) in references.iter().enumerate() {
+                (counters[i], resolutions[i]) = instance.shift_fraction(reference)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Functions that set the timing of a clock.
+pub unsafe fn set_timing<E: Export>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, function, references, count, |instance, call, references| {
+            instance.set_interval(call.0, references)
+        })
+    }
 }
 
 /// Functions for capabilities that the exporter does not support.
@@ -391,15 +551,15 @@ macro_rules! c_interface_of_fmi3 {
             unsafe { set_number::<$model, $type>(component, function, vr, n, values, n_values) }
         }
     )*};
-    (@none $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
+    (@none $target:ident $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             component: Component,
-            _vr: *const ValueReference,
+            vr: *const ValueReference,
             n: size_t
             $(, $argument: $type)*
         ) -> Status {
-            unsafe { no_variables::<$model>(component, $crate::__private::calls::Function::$function, n) }
+            unsafe { $target::<$model>(component, $crate::__private::calls::Function::$function, vr, n) }
         }
     )*};
     (@not $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
@@ -470,6 +630,12 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetString get_string (vr: *const ValueReference, n: size_t, values: *mut *const c_char, n_values: size_t);
                 fmi3GetBinary get_binary (vr: *const ValueReference, n: size_t, sizes: *mut size_t, values: *mut *const u8, n_values: size_t);
                 fmi3SetBinary set_binary (vr: *const ValueReference, n: size_t, sizes: *const size_t, values: *const *const u8, n_values: size_t);
+                fmi3GetClock get_clock (vr: *const ValueReference, n: size_t, values: *mut Boolean);
+                fmi3SetClock set_clock (vr: *const ValueReference, n: size_t, values: *const Boolean);
+                fmi3GetIntervalDecimal get_interval_decimal (vr: *const ValueReference, n: size_t, intervals: *mut f64, qualifiers: *mut c_int);
+                fmi3GetIntervalFraction get_interval_fraction (vr: *const ValueReference, n: size_t, counters: *mut u64, resolutions: *mut u64, qualifiers: *mut c_int);
+                fmi3GetShiftDecimal get_shift_decimal (vr: *const ValueReference, n: size_t, shifts: *mut f64);
+                fmi3GetShiftFraction get_shift_fraction (vr: *const ValueReference, n: size_t, counters: *mut u64, resolutions: *mut u64);
                 fmi3SetString set_string (vr: *const ValueReference, n: size_t, values: *const *const c_char, n_values: size_t);
             }
             $crate::c_interface_of_fmi3! { @number $model:
@@ -483,17 +649,13 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetInt64 fmi3SetInt64 GetInt64 SetInt64 i64;
                 fmi3GetUInt64 fmi3SetUInt64 GetUInt64 SetUInt64 u64;
             }
-            $crate::c_interface_of_fmi3! { @none $model:
-                fmi3GetClock GetClock (_values: *mut Boolean);
-                fmi3SetClock SetClock (_values: *const Boolean);
-                fmi3GetIntervalDecimal GetIntervalDecimal (_intervals: *mut f64, _qualifiers: *mut c_int);
-                fmi3GetIntervalFraction GetIntervalFraction (_counters: *mut u64, _resolutions: *mut u64, _qualifiers: *mut c_int);
-                fmi3GetShiftDecimal GetShiftDecimal (_shifts: *mut f64);
-                fmi3GetShiftFraction GetShiftFraction (_counters: *mut u64, _resolutions: *mut u64);
+            $crate::c_interface_of_fmi3! { @none set_timing $model:
                 fmi3SetIntervalDecimal SetIntervalDecimal (_intervals: *const f64);
                 fmi3SetIntervalFraction SetIntervalFraction (_counters: *const u64, _resolutions: *const u64);
                 fmi3SetShiftDecimal SetShiftDecimal (_shifts: *const f64);
                 fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
+            }
+            $crate::c_interface_of_fmi3! { @none no_variables $model:
                 fmi3GetOutputDerivatives GetRealOutputDerivatives (_orders: *const i32, _values: *mut f64, _n_values: size_t);
             }
             $crate::c_interface_of_fmi3! { @not $model:

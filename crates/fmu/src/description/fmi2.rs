@@ -38,7 +38,9 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
         log_categories(xml)?;
         default_experiment(xml, info)?;
         element(xml, "ModelVariables", &[], |xml| {
-            layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))?;
+            // FMI 2.0 has no clocks. Input clocks are last, so that the indices of the others do not change.
+            let mut variables = layout.variables.iter().filter(|variable| variable.role != Role::Clock);
+            variables.try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))?;
             // At the end, because the model structure refers to the positions of the variables.
             layout.variables.iter().try_for_each(|variable| aliases::<M>(xml, layout, variable))
         })?;
@@ -99,7 +101,9 @@ fn aliases<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Wri
 fn model_structure(xml: &mut Xml, layout: &Layout, unknowns: &Unknowns<'_>) -> Written {
     let index = |variable: &Variable| layout.structure_index(variable.reference);
     let unknown = |xml: &mut Xml, unknown: &Unknown<'_>| -> Written {
-        let dependencies = list(unknown.dependencies.iter().map(|variable| index(variable)));
+        // Without clocks, outputs are held between the steps.
+        let dependencies = unknown.dependencies.iter().filter(|_| layout.clocks.counts.booleans == 0);
+        let dependencies = list(dependencies.map(|variable| index(variable)));
         empty(xml, "Unknown", &[("index", &index(unknown.variable)), ("dependencies", &dependencies)])
     };
     let Unknowns { outputs, derivatives, initial } = unknowns;

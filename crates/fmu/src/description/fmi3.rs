@@ -6,10 +6,11 @@ use std::fmt::Display;
 use super::structure::{Unknown, Unknowns};
 use super::xml::{
     Written, Xml, attributes, borrowed, default_experiment, document, element, empty, facts, interface, items, list,
-    log_categories, start, type_attributes, unit_definitions,
+    log_categories, number, start, type_attributes, unit_definitions,
 };
 use super::{Format, xml};
 use crate::calls::Version;
+use crate::clocks::{InputClock, Interval, Span, Timing};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Kind, Layout, Role, Variable};
 
@@ -31,7 +32,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
                 ("providesPerElementDependencies", true),
                 ("canHandleVariableCommunicationStepSize", is_co_simulation),
                 ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
-                ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS),
+                ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS && !M::HAS_CLOCKS),
             ];
             interface(xml, name, info, &capabilities)?;
         }
@@ -111,6 +112,9 @@ fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
 
 fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
+    if let Kind::Clock(input) = declaration.kind {
+        return clock(xml, layout, variable, input);
+    }
     let array = if format.arrays { layout.array_of(variable) } else { None };
     let (name, description, elements) = match &array {
         Some((array, elements)) => (&array.name, &array.description, elements.as_slice()),
@@ -120,6 +124,9 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     attributes.extend(type_attributes(layout, variable, Version::Fmi3));
     if variable.role == Role::Derivative {
         attributes.push(("derivative", layout.state_of(variable).reference.to_string()));
+    }
+    if !declaration.details.clocks.is_empty() {
+        attributes.push(("clocks", clocks(layout, variable)));
     }
     // An event may set the states.
     if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
@@ -145,6 +152,55 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
             empty(xml, "Alias", &borrowed(&names.into_iter().chain(display).collect()))
         })
     })
+}
+
+fn clocks(layout: &Layout, variable: &Variable) -> String {
+    list(layout.clocks_of(variable).map(|clock| clock.reference as usize))
+}
+
+fn clock(xml: &mut Xml, layout: &Layout, variable: &Variable, input: Option<InputClock>) -> Written {
+    let declaration = &variable.declaration;
+    let mut attributes = vec![
+        ("name", declaration.name.clone()),
+        ("valueReference", variable.reference.to_string()),
+        ("description", declaration.description.clone()),
+        ("causality", if input.is_some() { "input" } else { "output" }.to_owned()),
+    ];
+    let Some(InputClock { timing, .. }) = input else {
+        // Only the parts of input clocks let an output clock tick.
+        attributes.push(("clocks", clocks(layout, variable)));
+        attributes.push(("intervalVariability", "triggered".to_owned()));
+        return empty(xml, "Clock", &borrowed(&attributes));
+    };
+    attributes.push(("canBeDeactivated", "true".to_owned()));
+    let variability = match timing {
+        Timing::Periodic { interval: Interval::Constant(_), .. } => "constant",
+        // Importers ask for the interval, because it follows from a parameter.
+        Timing::Periodic { interval: Interval::Of(name), .. } => {
+            let is_tunable =
+                |parameter: &&Variable| parameter.declaration.name == name && parameter.declaration.tunable;
+            if layout.variables.iter().any(|parameter| is_tunable(&parameter)) { "tunable" } else { "fixed" }
+        }
+        Timing::Changing(_) => "changing",
+        Timing::Countdown(_) => "countdown",
+        Timing::Triggered => "triggered",
+    };
+    attributes.push(("intervalVariability", variability.to_owned()));
+    if let Timing::Periodic { interval: Interval::Constant(interval), shift } = timing {
+        attributes.push(("intervalDecimal", number(interval.seconds())));
+        if shift.seconds() != 0.0 {
+            attributes.push(("shiftDecimal", number(shift.seconds())));
+        }
+        if let (Span::Fraction(counter, resolution), Span::Fraction(offset, _)) = (interval, shift) {
+            attributes.push(("supportsFraction", "true".to_owned()));
+            attributes.push(("resolution", resolution.to_string()));
+            attributes.push(("intervalCounter", counter.to_string()));
+            if offset != 0 {
+                attributes.push(("shiftCounter", offset.to_string()));
+            }
+        }
+    }
+    empty(xml, "Clock", &borrowed(&attributes))
 }
 
 fn model_structure(xml: &mut Xml, layout: &Layout, format: Format, unknowns: &Unknowns<'_>) -> Written {

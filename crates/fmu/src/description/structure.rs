@@ -53,7 +53,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path, version: Ve
     let may_change = |v: &&Variable| matches!(v.role, Role::Parameter | Role::Input) && v.is_in(version);
     for variable in layout.variables.iter().filter(may_change) {
         match &variable.declaration.kind {
-            Kind::Real(_) => {}
+            Kind::Real(_) | Kind::Clock(_) => {}
             Kind::Integer { items, .. } if !items.is_empty() => {
                 branches.push((true, variable, items.iter().map(|item| item.value.word()).collect()));
             }
@@ -327,6 +327,11 @@ impl<'a> Unknowns<'a> {
                 (Role::Derivative, _) => {
                     let index = layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals;
                     &structure.dependencies[index]
+                }
+                // The parts of the active clocks may read every input.
+                (Role::Output, _) if M::HAS_CLOCKS => {
+                    let dependencies = with_role(Role::Input).chain(layout.clocks_of(variable)).collect();
+                    return Unknown { variable, dependencies, on_time: true };
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
                 // Discrete-time and stateful models hold their outputs between steps, so these have no dependencies.

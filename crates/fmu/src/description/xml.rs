@@ -181,7 +181,7 @@ pub(super) fn attributes<M: Model>(
     name: &str,
     description: &str,
 ) -> (Attributes, bool) {
-    let Declaration { kind, tunable, local, calculated, .. } = &variable.declaration;
+    let Declaration { kind, tunable, local, calculated, details, .. } = &variable.declaration;
     let is_real = matches!(kind, Kind::Real(_));
     let fixed = |is_tunable: bool| if is_tunable { "tunable" } else { "fixed" };
     let discrete = |is_continuous: bool| if is_continuous { "continuous" } else { "discrete" };
@@ -193,10 +193,12 @@ pub(super) fn attributes<M: Model>(
             let is_tunable = layout.variables.iter().any(|variable| variable.declaration.tunable);
             ("calculatedParameter", fixed(is_tunable), "calculated")
         }
-        Role::Input => ("input", discrete(is_real), ""),
+        // A clocked variable is discrete (FMI 3.0, section 2.4.7.4).
+        Role::Input => ("input", discrete(is_real && details.clocks.is_empty()), ""),
         Role::Output => ("output", discrete(M::KIND == ModelKind::Continuous && is_real), exact(M::CALCULATES_OUTPUTS)),
         Role::State => (if *local { "local" } else { "output" }, "continuous", exact(*calculated)),
         Role::Derivative => ("local", "continuous", "calculated"),
+        Role::Clock => ("input", "discrete", ""),
     };
     let (causality, variability, initial) = match (variable.declaration.details.constant, variable.role) {
         // A calculated parameter cannot be constant.
@@ -249,7 +251,7 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable, version: Ver
             attributes.extend((!mime.is_empty()).then(|| ("mimeType", (*mime).to_owned())));
             attributes.push(("maxSize", most.to_string()));
         }
-        Kind::Boolean { .. } | Kind::String { .. } => {}
+        Kind::Boolean { .. } | Kind::String { .. } | Kind::Clock(_) => {}
     }
     let Details { quantity, relative_quantity, unbounded, .. } = variable.declaration.details;
     attributes.extend((!quantity.is_empty()).then(|| ("quantity", quantity.to_owned())));
@@ -264,6 +266,7 @@ pub(super) fn start(variable: &Variable) -> String {
         kind @ (Kind::Real(real) | Kind::Float32(real)) => number_of(kind, real.start),
         Kind::Integer { start, .. } => start.to_string(),
         Kind::Boolean { start } => start.to_string(),
+        Kind::Clock(_) => "false".to_owned(),
         Kind::String { start } => start.clone(),
         Kind::Binary { start, .. } => start.iter().map(|byte| format!("{byte:02x}")).collect(),
     }

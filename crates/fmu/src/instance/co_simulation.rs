@@ -45,8 +45,12 @@ impl<M: Model> Instance<M> {
         {
             return rejected(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
+        if let Some(message) = self.check_ticks(end, step)? {
+            return rejected(message);
+        }
         let (start, reached, sample) = (self.clock.start, self.clock.time, self.clock.sample);
-        let span = Step { start, reached, time, step, sample, stops_at_events };
+        let importer_ticks = M::HAS_CLOCKS && self.uses_event_mode;
+        let span = Step { start, reached, time, step, sample, stops_at_events, importer_ticks };
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
             return rejected(format!(

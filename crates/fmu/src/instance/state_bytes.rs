@@ -45,7 +45,7 @@ pub(crate) fn write<M: Model>(
         match variable.declaration.kind {
             Kind::Real(_) => values.reals[index] = starts.reals[index],
             Kind::Float32(_) | Kind::Integer { .. } => values.words[index] = starts.words[index],
-            Kind::Boolean { .. } => values.booleans[index] = starts.booleans[index],
+            Kind::Boolean { .. } | Kind::Clock(_) => values.booleans[index] = starts.booleans[index],
             Kind::String { .. } => values.strings[index].clone_from(&starts.strings[index]),
             Kind::Binary { .. } => values.binaries[index].set(&starts.binaries[index]),
         }
@@ -93,7 +93,7 @@ fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
             // A source computes its outputs up to the start.
             !is_kept && (M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && !initialized))
         }
-        Role::Parameter | Role::Input => false,
+        Role::Parameter | Role::Input | Role::Clock => false,
     }
 }
 

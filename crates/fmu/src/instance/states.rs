@@ -8,10 +8,17 @@ impl<M: Model> Instance<M> {
     /// fmi2GetFMUstate: a copy of the complete state.
     pub fn snapshot(&self) -> CallResult<Snapshot<M>> {
         self.check(Function::GetFMUstate)?;
+        let mut values = self.values.clone();
+        if M::HAS_CLOCKS
+            && let Some(run) = &self.run
+        {
+            // The active clocks are evaluated again when their outputs are read.
+            M::restore_outputs(run, self.layout(), &mut values);
+        }
         Ok(Snapshot {
             mode: self.mode,
             clock: self.clock,
-            values: self.values.clone(),
+            values,
             is_tolerance_set: self.is_tolerance_set,
             run: self.run.clone(),
             derived: self.derived.clone(),

@@ -49,7 +49,7 @@ fn word_rule<V: Number>(variable: &Variable, value: V) -> Result<(), String> {
 
 impl<M: Model> Instance<M> {
     #[cold]
-    fn unknown_reference(&self, function: Function, reference: u32) -> CallError {
+    pub(super) fn unknown_reference(&self, function: Function, reference: u32) -> CallError {
         let version = self.protocol.version;
         let expected = type_of(function, version);
         let what = match self.layout().by_reference(reference) {
@@ -66,6 +66,7 @@ impl<M: Model> Instance<M> {
     /// fmi2GetReal. Fails, without writing, for an unknown reference, inconsistent parameters, or a non-finite result.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
+        self.check_clocked(Function::GetReal, references)?;
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
         // After the Float64s.
@@ -180,7 +181,9 @@ impl<M: Model> Instance<M> {
     }
 
     fn boolean(&self, function: Function, reference: u32) -> CallResult<usize> {
-        self.other(function, reference, |kind| matches!(kind, Kind::Boolean { .. }))
+        // In FMI 2.0, an output clock is a Boolean.
+        let is_clock = |kind: &Kind| self.protocol.version == Version::Fmi2 && matches!(kind, Kind::Clock(None));
+        self.other(function, reference, |kind| matches!(kind, Kind::Boolean { .. }) || is_clock(kind))
     }
 
     fn string(&self, function: Function, reference: u32) -> CallResult<usize> {
@@ -252,6 +255,7 @@ impl<M: Model> Instance<M> {
     ) -> CallResult<usize> {
         self.check(function)?;
         let index = index(self, function, reference)?;
+        self.check_clocked(function, &[reference])?;
         let layout = self.layout();
         let (calculated, outputs) = (layout.derived.has_others() && self.is_stale(), layout.outputs.has_others());
         self.refresh(calculated, outputs, false)?;
@@ -279,12 +283,13 @@ impl<M: Model> Instance<M> {
             Role::Output => (false, "an output"),
             Role::Calculated => (false, "a calculated parameter"),
             Role::Derivative => (false, "the derivative of a state"),
+            Role::Clock => (false, "a clock"),
         };
         if allowed {
             return Ok(variable);
         }
         let when = match variable.role {
-            Role::Calculated | Role::Derivative => "never settable",
+            Role::Calculated | Role::Derivative | Role::Clock => "never settable",
             Role::Output if M::CALCULATES_OUTPUTS => "never settable",
             Role::State if variable.declaration.calculated => "never settable",
             Role::Parameter if variable.declaration.tunable => "not settable in Continuous-Time Mode",
@@ -307,6 +312,7 @@ impl<M: Model> Instance<M> {
     /// or a value is not finite or outside its limits.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
         self.check(Function::SetReal)?;
+        self.check_clocked(Function::SetReal, references)?;
         let layout = self.layout();
         let inputs = layout.inputs.reals();
         // Fast path: inputs and finite numbers, without branches. The limits of inputs are not enforced.
@@ -450,6 +456,7 @@ impl<M: Model> Instance<M> {
         set: impl Fn(&mut ValueStore, usize, V) -> bool,
     ) -> CallResult {
         self.check(function)?;
+        self.check_clocked(function, references)?;
         for (&reference, value) in references.iter().zip(values.clone()) {
             index(self, function, reference)?;
             let variable = self.settable(function, reference)?;

@@ -301,7 +301,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             (Role::Output, Type::Integer { .. }) => {
                 Some(Expression::bytes(&others.words[variable.index].to_le_bytes()))
             }
-            (Role::Output, Type::Boolean { .. }) => Some(f64::from(others.booleans[variable.index]).into()),
+            (Role::Output, Type::Boolean { .. } | Type::Clock(_)) => {
+                Some(f64::from(others.booleans[variable.index]).into())
+            }
             (Role::Output, Type::String { .. }) => Some(Expression::text(&others.strings[variable.index])),
             (Role::Output, Type::Binary { .. }) => Some(Expression::bytes(&others.binaries[variable.index])),
             _ => None,

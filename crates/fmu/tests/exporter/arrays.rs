@@ -100,6 +100,7 @@ fn elements_have_names_units_start_values_and_descriptions() {
                 Kind::Boolean { start } => (start.to_string(), ""),
                 Kind::String { start } => (start.clone(), ""),
                 Kind::Binary { start, .. } => (format!("{start:?}"), ""),
+                Kind::Clock(_) => (String::new(), ""),
             };
             format!("{} = {start} {unit}: {}", declaration.name, declaration.description)
         })

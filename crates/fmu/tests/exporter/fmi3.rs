@@ -447,8 +447,8 @@ fn missing_capabilities_are_reported() {
     let instance = Instance::<Carts>::co_simulation(false).initialized();
     // SAFETY: a live component.
     unsafe {
-        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, 0), Status::Ok);
-        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, 1), Status::Error);
+        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, null(), 0), Status::Ok);
+        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, null(), 1), Status::Error);
         assert_eq!(instance.error(), "fmi3GetFloat32: no variable of this FMU has this type");
         assert_eq!(fmi3::not_provided::<Carts>(instance.component, Function::EnterConfigurationMode), Status::Error);
         assert_eq!(fmi3::set_time::<Carts>(instance.component, 1.0), Status::Error);

@@ -5,6 +5,7 @@ mod allocations;
 mod arrays;
 mod binaries;
 mod c_interface;
+mod clocks;
 mod comparisons;
 mod constants;
 mod dependencies;

@@ -1,0 +1,411 @@
+//! Clocks of FMI 3.0: parts of a discrete-time model that run when their clocks tick.
+
+use crate::clock::slack;
+use crate::discrete_state::{Word, Words};
+use crate::model::Discrete;
+use crate::variable::{Kind, Layout, Role};
+
+/// A triggered output clock (FMI 3.0, section 2.2.9): the model lets it tick, and the importer then activates the input
+/// clocks that are connected to it. It is the type of a field of the outputs.
+///
+/// FMI 2.0 has no clocks: there, it is a Boolean output that is true if the clock ticked during the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clock(pub(crate) bool);
+
+impl Clock {
+    /// Lets the clock tick at the present event.
+    pub fn fire(&mut self) {
+        self.0 = true;
+    }
+
+    /// Returns true if the clock ticks.
+    #[must_use]
+    pub fn has_fired(self) -> bool {
+        self.0
+    }
+}
+
+/// A time interval: an exact fraction of seconds, or a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Span {
+    /// A number in s.
+    Decimal(f64),
+    /// Numerator and denominator, in s.
+    Fraction(u64, u64),
+}
+
+impl Span {
+    /// The length in s.
+    pub const fn seconds(self) -> f64 {
+        match self {
+            Self::Decimal(seconds) => seconds,
+            Self::Fraction(counter, resolution) => counter as f64 / resolution as f64,
+        }
+    }
+}
+
+/// The interval of an input clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interval {
+    /// The same in all runs.
+    Constant(Span),
+    /// The value of a real parameter, in s.
+    Of(&'static str),
+}
+
+/// When an input clock ticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Timing {
+    /// At equal intervals, for the first time `shift` after the start.
+    Periodic {
+        /// Time from one tick to the next.
+        interval: Interval,
+        /// Time of the first tick after the start.
+        shift: Span,
+    },
+    /// At intervals that the model chooses at each tick. The first tick is one interval after the start.
+    Changing(Interval),
+    /// When the model has started it with [`Tick::start`]; with an interval, also once after the start.
+    Countdown(Option<Interval>),
+    /// When the importer activates it.
+    Triggered,
+}
+
+impl Timing {
+    /// A periodic clock. Two fractions get the same denominator, because an FMI clock has only one; a number and a
+    /// fraction are both written as numbers.
+    pub const fn periodic(interval: Interval, shift: Option<Span>) -> Self {
+        let (interval, shift) = match (interval, shift) {
+            (Interval::Constant(Span::Fraction(counter, resolution)), None) => {
+                (Span::Fraction(counter, resolution), Span::Fraction(0, resolution))
+            }
+            (Interval::Constant(Span::Fraction(a, b)), Some(Span::Fraction(c, d))) => {
+                let common = b / greatest_common_divisor(b, d) * d;
+                (Span::Fraction(a * (common / b), common), Span::Fraction(c * (common / d), common))
+            }
+            (Interval::Constant(interval), shift) => (
+                Span::Decimal(interval.seconds()),
+                Span::Decimal(match shift {
+                    Some(shift) => shift.seconds(),
+                    None => 0.0,
+                }),
+            ),
+            (interval @ Interval::Of(_), shift) => {
+                let shift = Span::Decimal(match shift {
+                    Some(shift) => shift.seconds(),
+                    None => 0.0,
+                });
+                return Self::Periodic { interval, shift };
+            }
+        };
+        Self::Periodic { interval: Interval::Constant(interval), shift }
+    }
+
+    pub(crate) const fn interval(self) -> Option<Interval> {
+        match self {
+            Self::Periodic { interval, .. } | Self::Changing(interval) | Self::Countdown(Some(interval)) => {
+                Some(interval)
+            }
+            Self::Countdown(None) | Self::Triggered => None,
+        }
+    }
+}
+
+const fn greatest_common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// An input clock and its part of the model. [`model`](macro@crate::model) makes it from a method with `#[clock(…)]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InputClock {
+    /// Name of the clock.
+    pub name: &'static str,
+    /// Description: the doc comment of the method.
+    pub description: &'static str,
+    /// When it ticks.
+    pub timing: Timing,
+}
+
+/// A discrete-time model with clocks. [`model`](macro@crate::model) implements it.
+pub trait Clocked: Discrete<Outputs: Send> {
+    /// The input clocks, in the order of the methods.
+    const CLOCKS: &'static [InputClock];
+    /// A schedule per input clock.
+    type Schedules: AsRef<[Schedule]> + AsMut<[Schedule]> + Clone + Send + 'static;
+    /// The clocks that [`Tick::start`] can start.
+    type Timers: Into<usize>;
+
+    /// Schedules without ticks.
+    fn no_schedules() -> Self::Schedules;
+    /// Runs the method of the input clock with this position in [`Self::CLOCKS`].
+    fn tick(&self, clock: usize, tick: Tick<'_, Self>);
+}
+
+/// A model without clocks that it can start.
+#[derive(Clone, Copy, Debug)]
+pub enum NoTimer {}
+
+impl From<NoTimer> for usize {
+    fn from(timer: NoTimer) -> Self {
+        match timer {}
+    }
+}
+
+/// The tick of a clock: what the method with `#[clock(…)]` reads and changes.
+#[derive(Debug)]
+pub struct Tick<'a, M: Clocked> {
+    /// Time in s.
+    pub time: f64,
+    /// Time in s since the last tick of this clock, or since the start; for a periodic clock, its interval.
+    pub interval: f64,
+    /// Discrete state; may be changed.
+    pub state: &'a mut M::State,
+    /// Inputs.
+    pub inputs: &'a M::Inputs,
+    /// Outputs, with their present values; may be changed.
+    pub outputs: &'a mut M::Outputs,
+    /// Derived parameters.
+    pub derived: &'a M::Derived,
+    pub(crate) schedules: &'a mut [Schedule],
+    pub(crate) fault: &'a mut Option<(usize, f64)>,
+}
+
+impl<M: Clocked> Tick<'_, M> {
+    /// Lets a `countdown` clock, or a `changing` clock at its tick, tick next in `after` s, instead of a tick that was
+    /// started before. The step fails if `after` is negative or not finite.
+    pub fn start(&mut self, clock: M::Timers, after: f64) {
+        let clock = clock.into();
+        if !(after >= 0.0 && after.is_finite()) {
+            *self.fault = Some((clock, after));
+            return;
+        }
+        let schedule = &mut self.schedules[clock];
+        (schedule.next, schedule.interval, schedule.is_new) = (self.time + after, after, true);
+    }
+}
+
+/// The times at which an input clock ticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Schedule {
+    /// Time in s from which the ticks of a periodic clock are counted.
+    base: f64,
+    /// Number of the next tick since `base`.
+    count: u64,
+    /// Time of the last tick, or of the start, in s.
+    last: f64,
+    /// Time of the next tick in s; infinite if it is not known.
+    pub(crate) next: f64,
+    /// The last interval in s that was set.
+    pub(crate) interval: f64,
+    /// True if the interval has changed at the present event.
+    pub(crate) is_new: bool,
+}
+
+impl Schedule {
+    /// No tick.
+    pub const NONE: Self =
+        Self { base: 0.0, count: 0, last: 0.0, next: f64::INFINITY, interval: f64::INFINITY, is_new: false };
+
+    /// The first tick of a clock after `start`. `interval` is the present value in s.
+    fn new(timing: Timing, start: f64, interval: f64) -> Self {
+        let none = Self { base: start, last: start, interval, ..Self::NONE };
+        let known = |next| Self { next, is_new: true, ..none };
+        match timing {
+            Timing::Periodic { shift, .. } => known(start + shift.seconds()),
+            Timing::Changing(_) | Timing::Countdown(Some(_)) => known(start + interval),
+            Timing::Countdown(None) | Timing::Triggered => none,
+        }
+    }
+
+    /// Time of the present tick in s, at an event at `time`.
+    pub(crate) fn due(&self, time: f64) -> f64 {
+        if self.next.is_finite() { self.next } else { time }
+    }
+
+    /// Returns true if the clock is due at `time`.
+    pub(crate) fn is_due(&self, time: f64) -> bool {
+        (self.next - time).abs() <= slack(self.interval.min(1.0), time)
+    }
+
+    /// Moves on to the tick after the one at `time`. Returns the time since the last tick in s.
+    fn advance(&mut self, timing: Timing, time: f64) -> f64 {
+        let passed = time - self.last;
+        self.last = time;
+        match timing {
+            Timing::Periodic { interval: Interval::Constant(Span::Fraction(counter, resolution)), shift } => {
+                self.count += 1;
+                let offset = if let Span::Fraction(offset, _) = shift { offset } else { 0 };
+                let counters = u128::from(offset) + u128::from(self.count) * u128::from(counter);
+                self.next = self.base + counters as f64 / resolution as f64;
+                self.interval
+            }
+            Timing::Periodic { shift, .. } => {
+                self.count += 1;
+                self.next = self.base + shift.seconds() + self.count as f64 * self.interval;
+                self.interval
+            }
+            Timing::Changing(_) => {
+                self.next = time + self.interval;
+                self.is_new = true;
+                passed
+            }
+            Timing::Countdown(_) | Timing::Triggered => {
+                self.next = f64::INFINITY;
+                passed
+            }
+        }
+    }
+
+    /// Takes over a new value of the parameter that is the interval of a periodic clock: it counts from the last tick.
+    /// The first tick stays where it is.
+    fn set_interval(&mut self, shift: Span, interval: f64, time: f64) {
+        if interval.to_bits() == self.interval.to_bits() {
+            return;
+        }
+        (self.interval, self.is_new) = (interval, true);
+        if self.count > 0 {
+            (self.base, self.count) = (self.last - shift.seconds(), 1);
+            self.next = (self.last + interval).max(time);
+        }
+    }
+
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        let Self { base, count, last, next, interval, is_new } = *self;
+        for number in [base, last, next, interval] {
+            sink(Word::Whole(number.to_bits()));
+        }
+        sink(Word::Whole(count));
+        sink(Word::Choice(is_new.into()));
+    }
+
+    fn restore(source: &mut Words<'_>) -> Result<Self, String> {
+        let mut number = || source.whole("time of a clock").map(f64::from_bits);
+        let (base, last, next, interval) = (number()?, number()?, number()?, number()?);
+        if !(base.is_finite() && last.is_finite() && next >= last && interval >= 0.0) {
+            return Err(format!("a clock cannot tick at {last} s, then at {next} s"));
+        }
+        let (count, is_new) = (source.whole("count of a clock")?, source.choice("interval of a clock")? != 0);
+        Ok(Self { base, count, last, next, interval, is_new })
+    }
+}
+
+/// The interval of a clock in s. Fails if the parameter that determines it is not above 0.
+fn interval_of(clock: &InputClock, layout: &Layout, reals: &[f64]) -> Result<f64, String> {
+    let (value, name) = match clock.timing.interval() {
+        Some(Interval::Constant(span)) => return Ok(span.seconds()),
+        // The description checks the name.
+        Some(Interval::Of(name)) => (parameter(layout, name).map_or(f64::INFINITY, |index| reals[index]), name),
+        None => return Ok(f64::INFINITY),
+    };
+    if value > 0.0 {
+        return Ok(value);
+    }
+    Err(format!("'{name}' = {value} s is the interval of the clock '{}' and must be above 0", clock.name))
+}
+
+/// Position of a real parameter with this name.
+pub(crate) fn parameter(layout: &Layout, name: &str) -> Option<usize> {
+    let is_it = |v: &&crate::variable::Variable| {
+        v.role == Role::Parameter && v.declaration.name == name && matches!(v.declaration.kind, Kind::Real(_))
+    };
+    layout.variables.iter().find(is_it).map(|variable| variable.index)
+}
+
+/// The schedules at the start.
+pub(crate) fn first<M: Clocked>(layout: &Layout, reals: &[f64], start: f64) -> Result<M::Schedules, String> {
+    let mut schedules = M::no_schedules();
+    for (schedule, clock) in schedules.as_mut().iter_mut().zip(M::CLOCKS) {
+        *schedule = Schedule::new(clock.timing, start, interval_of(clock, layout, reals)?);
+    }
+    Ok(schedules)
+}
+
+/// Takes over the present values of the parameters that are intervals.
+pub(crate) fn update_intervals<M: Clocked>(
+    schedules: &mut [Schedule],
+    layout: &Layout,
+    reals: &[f64],
+    time: f64,
+) -> Result<(), String> {
+    for (schedule, clock) in schedules.iter_mut().zip(M::CLOCKS) {
+        if let Timing::Periodic { interval: Interval::Of(_), shift } = clock.timing {
+            schedule.set_interval(shift, interval_of(clock, layout, reals)?, time);
+        }
+    }
+    Ok(())
+}
+
+/// Moves the schedule of a clock on to its next tick. Returns the time of the present tick, and the time since the last
+/// one, in s.
+pub(crate) fn advance<M: Clocked>(schedules: &mut [Schedule], clock: usize, time: f64) -> (f64, f64) {
+    let schedule = &mut schedules[clock];
+    let due = schedule.due(time);
+    (due, schedule.advance(M::CLOCKS[clock].timing, due))
+}
+
+pub(crate) fn save(schedules: &[Schedule], sink: &mut dyn FnMut(Word<'_>)) {
+    schedules.iter().for_each(|schedule| schedule.save(sink));
+}
+
+pub(crate) fn restore(schedules: &mut [Schedule], source: &mut Words<'_>) -> Result<(), String> {
+    schedules.iter_mut().try_for_each(|schedule| Schedule::restore(source).map(|restored| *schedule = restored))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reference: 3 x 1/3 s is 1 s, and a clock of 1/100 s and one of 1/10 s tick at the same numbers; with decimal
+    /// intervals, the 3rd tick of 0.1 s is at 0.30000000000000004 s.
+    #[test]
+    fn fractions_meet_at_the_same_numbers() {
+        let ticks = |interval| {
+            let timing = Timing::periodic(Interval::Constant(interval), None);
+            let mut schedule = Schedule::new(timing, 0.0, interval.seconds());
+            std::iter::from_fn(move || {
+                let next = schedule.next;
+                schedule.advance(timing, next);
+                Some(next)
+            })
+        };
+        let thirds: Vec<_> = ticks(Span::Fraction(1, 3)).take(4).collect();
+        assert_eq!(thirds, [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0]);
+        let hundredths: Vec<_> = ticks(Span::Fraction(1, 100)).take(1001).collect();
+        let tenths: Vec<_> = ticks(Span::Fraction(1, 10)).take(101).collect();
+        assert!(tenths.iter().enumerate().all(|(n, time)| hundredths[10 * n] == *time));
+        assert_eq!(ticks(Span::Decimal(0.1)).nth(3), Some(3.0 * 0.1));
+    }
+
+    #[test]
+    fn interval_and_shift_get_a_common_denominator() {
+        let timing = Timing::periodic(Interval::Constant(Span::Fraction(1, 4)), Some(Span::Fraction(1, 6)));
+        let expected =
+            Timing::Periodic { interval: Interval::Constant(Span::Fraction(3, 12)), shift: Span::Fraction(2, 12) };
+        assert_eq!(timing, expected);
+        let timing = Timing::periodic(Interval::Constant(Span::Fraction(1, 4)), Some(Span::Decimal(0.5)));
+        let expected =
+            Timing::Periodic { interval: Interval::Constant(Span::Decimal(0.25)), shift: Span::Decimal(0.5) };
+        assert_eq!(timing, expected);
+    }
+
+    /// FMI 3.0, section 2.2.9: t_i = t_(i-1) + the interval that is valid then.
+    #[test]
+    fn a_changed_interval_counts_from_the_last_tick() {
+        let shift = Span::Decimal(0.5);
+        let timing = Timing::periodic(Interval::Of("sample_time"), Some(shift));
+        let mut schedule = Schedule::new(timing, 10.0, 1.0);
+        schedule.set_interval(shift, 2.0, 10.2);
+        assert_eq!(schedule.next, 10.5, "the first tick stays");
+        schedule.advance(timing, 10.5);
+        assert_eq!(schedule.next, 12.5);
+        schedule.set_interval(shift, 0.25, 10.6);
+        assert_eq!(schedule.next, 10.75);
+        schedule.advance(timing, 10.75);
+        assert_eq!(schedule.next, 11.0);
+        schedule.set_interval(shift, 0.1, 10.95);
+        assert_eq!(schedule.next, 10.95, "no tick in the past");
+    }
+}

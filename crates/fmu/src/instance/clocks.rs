@@ -1,0 +1,197 @@
+//! Clocks of FMI 3.0: activation, intervals, and access to clocked variables.
+
+use super::{CallResult, Instance};
+use crate::calls::{Function, Mode};
+use crate::clocks::{InputClock, Interval, Schedule, Span, Timing};
+use crate::runner::{Model, Run};
+use crate::variable::{Kind, Variable};
+
+/// Answer of fmi3GetIntervalDecimal: what the interval is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Qualifier {
+    /// A countdown clock that was not started.
+    NotYetKnown = 0,
+    /// The interval that was returned before.
+    Unchanged = 1,
+    /// A new interval.
+    Changed = 2,
+}
+
+impl<M: Model> Instance<M> {
+    /// The clock with a reference. Fails if there is none.
+    fn clock(&self, function: Function, reference: u32) -> CallResult<&Variable> {
+        match self.layout().by_reference(reference) {
+            Some(variable) if matches!(variable.declaration.kind, Kind::Clock(_)) => Ok(variable),
+            _ => Err(self.unknown_reference(function, reference)),
+        }
+    }
+
+    /// The input clock with a reference, with its position among them.
+    fn input_clock(&self, function: Function, reference: u32) -> CallResult<(usize, InputClock)> {
+        let variable = self.clock(function, reference)?;
+        match variable.declaration.kind {
+            Kind::Clock(Some(clock)) => Ok((variable.index - self.layout().clocks.at.booleans, clock)),
+            _ => {
+                let message =
+                    format_args!("'{}' is an output clock, which only the model activates", variable.declaration.name);
+                Err(self.error(function, message))
+            }
+        }
+    }
+
+    fn schedule(&mut self, clock: usize) -> CallResult<Schedule> {
+        self.derive()?;
+        Ok(M::schedules(self.context().run)[clock])
+    }
+
+    /// fmi3SetClock. Fails, without activating a clock, if a reference is not an input clock, or if a time-based clock
+    /// does not tick at the present time.
+    pub fn set_clock(&mut self, references: &[u32], values: &[bool]) -> CallResult {
+        let function = Function::SetClock;
+        self.check(function)?;
+        let time = self.clock.time;
+        for (&reference, &is_active) in references.iter().zip(values) {
+            let (position, clock) = self.input_clock(function, reference)?;
+            let schedule = self.schedule(position)?;
+            if !is_active || clock.timing == Timing::Triggered || schedule.is_due(time) {
+                continue;
+            }
+            let rule = match schedule.next.is_finite() {
+                true => format!("ticks next at {} s", schedule.next),
+                false => "was not started".to_owned(),
+            };
+            return Err(self.error(function, format_args!("the clock '{}' {rule}; it is {time} s now", clock.name)));
+        }
+        for (&reference, &is_active) in references.iter().zip(values) {
+            let index = self.clock(function, reference)?.index;
+            self.values.booleans[index] = is_active;
+        }
+        self.forget_results();
+        Ok(())
+    }
+
+    /// fmi3GetClock. Fails if a reference is not a clock, or like [`Self::get_real`].
+    pub fn get_clock(&mut self, reference: u32) -> CallResult<bool> {
+        let function = Function::GetClock;
+        self.check(function)?;
+        let index = self.clock(function, reference)?.index;
+        self.check_clocked(function, &[reference])?;
+        self.refresh(false, true, false)?;
+        Ok(self.values.booleans[index])
+    }
+
+    /// fmi3GetIntervalDecimal: the interval in s, and what it is worth. Fails if the reference is not a time-based
+    /// input clock, or if the parameters are inconsistent.
+    pub fn interval(&mut self, reference: u32) -> CallResult<(f64, Qualifier)> {
+        let function = Function::GetIntervalDecimal;
+        self.check(function)?;
+        let (position, clock) = self.input_clock(function, reference)?;
+        if clock.timing == Timing::Triggered {
+            return Err(
+                self.error(function, format_args!("'{}' is a triggered clock, which has no interval", clock.name))
+            );
+        }
+        let schedule = self.schedule(position)?;
+        let is_countdown = matches!(clock.timing, Timing::Countdown(_));
+        let qualifier = match schedule.is_new {
+            _ if is_countdown && schedule.next.is_infinite() => Qualifier::NotYetKnown,
+            true => Qualifier::Changed,
+            false => Qualifier::Unchanged,
+        };
+        Ok((if qualifier == Qualifier::NotYetKnown { 0.0 } else { schedule.interval }, qualifier))
+    }
+
+    /// fmi3GetIntervalFraction: counter and resolution. Fails like [`Self::interval`], or if the clock has no fraction.
+    pub fn interval_fraction(&mut self, reference: u32) -> CallResult<((u64, u64), Qualifier)> {
+        let function = Function::GetIntervalFraction;
+        self.check(function)?;
+        match self.input_clock(function, reference)?.1.timing {
+            Timing::Periodic { interval: Interval::Constant(Span::Fraction(counter, resolution)), .. } => {
+                Ok(((counter, resolution), self.interval(reference)?.1))
+            }
+            _ => Err(self.no_fraction(function, reference)),
+        }
+    }
+
+    fn no_fraction(&self, function: Function, reference: u32) -> super::CallError {
+        let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
+        self.error(
+            function,
+            format_args!("the interval of the clock '{name}' is no fraction (supportsFraction is false)"),
+        )
+    }
+
+    fn shift_of(&self, function: Function, reference: u32) -> CallResult<Span> {
+        self.check(function)?;
+        match self.input_clock(function, reference)?.1 {
+            InputClock { timing: Timing::Periodic { shift, .. }, .. } => Ok(shift),
+            InputClock { name, .. } => {
+                Err(self.error(function, format_args!("'{name}' is not a periodic clock, and has no shift")))
+            }
+        }
+    }
+
+    /// fmi3GetShiftDecimal: time of the first tick after the start in s. Fails if the reference is not a periodic
+    /// clock.
+    pub fn shift(&self, reference: u32) -> CallResult<f64> {
+        self.shift_of(Function::GetShiftDecimal, reference).map(Span::seconds)
+    }
+
+    /// fmi3GetShiftFraction: counter and resolution. Fails like [`Self::shift`], or if the clock has no fraction.
+    pub fn shift_fraction(&self, reference: u32) -> CallResult<(u64, u64)> {
+        let function = Function::GetShiftFraction;
+        match self.shift_of(function, reference)? {
+            Span::Fraction(counter, resolution) => Ok((counter, resolution)),
+            Span::Decimal(_) => Err(self.no_fraction(function, reference)),
+        }
+    }
+
+    /// fmi3SetIntervalDecimal and similar functions: fails for every clock, because no clock leaves its interval to the
+    /// importer.
+    pub fn set_interval(&self, function: Function, references: &[u32]) -> CallResult {
+        self.check(function)?;
+        let Some(&reference) = references.first() else { return Ok(()) };
+        let (_, clock) = self.input_clock(function, reference)?;
+        let remedy = match clock.timing.interval() {
+            Some(Interval::Of(name)) => format!("set the parameter '{name}' instead"),
+            _ => "the model determines it".to_owned(),
+        };
+        let name = clock.name;
+        Err(self.error(function, format_args!("the timing of the clock '{name}' cannot be set: {remedy}")))
+    }
+
+    /// Rejects access to a clocked variable while its clock is not active (FMI 3.0, section 2.2.9). Without Event Mode,
+    /// clocks tick inside the steps, and clocked variables are ordinary ones.
+    pub(super) fn check_clocked(&self, function: Function, references: &[u32]) -> CallResult {
+        if !M::HAS_CLOCKS || !self.uses_event_mode || self.is_before_start() {
+            return Ok(());
+        }
+        let layout = self.layout();
+        let clocked = references.iter().filter_map(|&reference| layout.by_reference(reference));
+        for variable in clocked.filter(|variable| !variable.declaration.details.clocks.is_empty()) {
+            let is_active =
+                self.mode == Mode::Event && layout.clocks_of(variable).any(|clock| self.values.booleans[clock.index]);
+            if !is_active {
+                let (name, of, mode) =
+                    (&variable.declaration.name, variable.declaration.details.clocks, self.mode.name());
+                let (clock, of) = (if of.len() == 1 { "its clock" } else { "one of its clocks" }, of.join("', '"));
+                let message = format_args!(
+                    "'{name}' can be read and set only in Event Mode while {clock} '{of}' is active; the instance is in {mode}"
+                );
+                return Err(self.error(function, message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Rejects a step of `step` s to `end` that goes past a tick of a clock that the importer activates.
+    pub(super) fn check_ticks(&mut self, end: f64, step: f64) -> CallResult<Option<String>> {
+        if !M::HAS_CLOCKS || !self.uses_event_mode {
+            return Ok(None);
+        }
+        self.derive()?;
+        let Run { ctx, run, values } = self.context();
+        Ok(M::missed_tick(Run { ctx, run, values }, end, step))
+    }
+}

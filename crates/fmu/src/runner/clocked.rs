@@ -1,0 +1,252 @@
+//! Runs a discrete-time model with clocks.
+
+use std::marker::PhantomData;
+use std::path::Path;
+
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
+use crate::clock::{Clock, slack};
+use crate::clocks::{self, Clocked, InputClock, Schedule, Tick};
+use crate::discrete_state::{DiscreteState as _, Word, Words};
+use crate::model::{Info, Sample};
+use crate::store::ValueStore;
+use crate::variable::{Declarations, Layout};
+use crate::variables::{Derived as _, Variables as _};
+
+/// Maximum number of ticks of aperiodic clocks at one time.
+const MOST_AT_ONCE: u32 = 100;
+
+/// Runs a [`Discrete`](crate::Discrete) model with clocks.
+pub struct ClockedModel<M>(PhantomData<M>);
+
+/// Discrete state and schedules.
+pub(super) struct Part<M: Clocked> {
+    state: M::State,
+    schedules: M::Schedules,
+}
+
+impl<M: Clocked> Clone for Part<M> {
+    fn clone(&self) -> Self {
+        Self { state: self.state.clone(), schedules: self.schedules.clone() }
+    }
+}
+
+/// State of a run.
+pub struct ClockedRun<M: Clocked> {
+    part: Part<M>,
+    /// In Event Mode, after the active clocks were evaluated: what becomes the state at the end of the event, and the
+    /// outputs from before.
+    evaluated: Option<(Part<M>, M::Outputs)>,
+}
+
+/// A clone has not evaluated the active clocks; its outputs are those of [`Model::restore_outputs`].
+impl<M: Clocked> Clone for ClockedRun<M> {
+    fn clone(&self) -> Self {
+        Self { part: self.part.clone(), evaluated: None }
+    }
+}
+
+impl<M: Clocked> ClockedRun<M> {
+    pub(crate) fn state(&self) -> &M::State {
+        &self.part.state
+    }
+}
+
+impl<M: Clocked> ClockedModel<M> {
+    /// Runs the methods of the active clocks, in their order, at an event at `time`.
+    fn tick(
+        ctx: &Context<'_, Self>,
+        part: &mut Part<M>,
+        values: &mut ValueStore,
+        time: f64,
+        is_active: impl Fn(&Schedule, usize) -> bool,
+    ) -> Result<(), String> {
+        let Context { p, derived, layout, .. } = *ctx;
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        let mut outputs = M::Outputs::read(values.view(), layout.outputs.at);
+        for clock in 0..M::CLOCKS.len() {
+            if !is_active(&part.schedules.as_ref()[clock], clock) {
+                continue;
+            }
+            let (time, interval) = clocks::advance::<M>(part.schedules.as_mut(), clock, time);
+            p.check(&Sample { time, state: &mut part.state, inputs, derived })?;
+            let (schedules, mut fault) = (part.schedules.as_mut(), None);
+            let tick = Tick {
+                time,
+                interval,
+                state: &mut part.state,
+                inputs,
+                outputs: &mut outputs,
+                derived,
+                schedules,
+                fault: &mut fault,
+            };
+            p.tick(clock, tick);
+            if let Some((started, after)) = fault {
+                let name = M::CLOCKS[started].name;
+                return Err(format!("the clock '{name}' cannot tick in {after} s, as the model requests at {time} s"));
+            }
+        }
+        outputs.write(&mut values.view_mut(), layout.outputs.at);
+        check_reals(layout, layout.outputs, values, time)?;
+        check_discrete(&part.state, time)
+    }
+
+    /// Deactivates all output clocks.
+    fn clear(layout: &Layout, values: &mut ValueStore) {
+        layout.output_clocks.iter().for_each(|&index| values.booleans[index] = false);
+    }
+
+    /// Time of the next tick in s; infinite if none is known.
+    fn next_tick(schedules: &[Schedule]) -> f64 {
+        schedules.iter().fold(f64::INFINITY, |next, schedule| next.min(schedule.next))
+    }
+
+    fn run_ticks(run: Run<'_, Self>, end: f64, step: f64) -> Result<Part<M>, String> {
+        let Run { ctx, run, values } = run;
+        let mut part = run.part.clone();
+        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
+        let (mut all, mut at_once, mut last) = (0.0, 0, f64::NEG_INFINITY);
+        loop {
+            let next = Self::next_tick(part.schedules.as_ref());
+            let shortest = part.schedules.as_ref().iter().fold(step, |shortest, s| shortest.min(s.interval));
+            if next >= end - slack(shortest, end) {
+                return Ok(part);
+            }
+            at_once = if next > last { 1 } else { at_once + 1 };
+            last = next;
+            all += 1.0;
+            if at_once > MOST_AT_ONCE || all > MOST_PARTS {
+                return Err(format!(
+                    "a clock ticks too often: more than {MOST_AT_ONCE} times at {next} s, or {MOST_PARTS} times in a step"
+                ));
+            }
+            Self::tick(&ctx, &mut part, values, next, |schedule, _| schedule.is_due(next))?;
+        }
+    }
+}
+
+impl<M: Clocked> Model for ClockedModel<M> {
+    const MODEL_EXCHANGE: bool = false;
+    const INFO: Info = M::INFO;
+    const KIND: Kind = Kind::Discrete;
+    const HAS_EVENTS: bool = true;
+    const CLOCKS: &'static [InputClock] = M::CLOCKS;
+    type Parameters = M;
+    type Derived = M::Derived;
+    type RunnerState = ClockedRun<M>;
+
+    fn layout() -> Layout {
+        let mut declared = Declarations {
+            parameters: M::declarations(),
+            inputs: M::Inputs::declarations(),
+            outputs: M::Outputs::declarations(),
+            clocks: M::CLOCKS,
+            ..Declarations::default()
+        };
+        M::Derived::declare(&mut declared.derived);
+        Layout::new(declared)
+    }
+
+    fn load(p: &M, resources: &Path) -> Result<M::Derived, String> {
+        p.load(resources)
+    }
+
+    fn fingerprint(derived: &M::Derived) -> u64 {
+        M::fingerprint(derived)
+    }
+
+    fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<ClockedRun<M>, String> {
+        let schedules = clocks::first::<M>(ctx.layout, &values.reals, ctx.time)?;
+        Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None })
+    }
+
+    fn parts(_: &Layout, _: &ValueStore, _: Step) -> f64 {
+        0.0
+    }
+
+    fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
+        if let Err(error) =
+            clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)
+        {
+            return Some(error);
+        }
+        let is_missed = |schedule: &Schedule| schedule.next < end - slack(step.min(schedule.interval), end);
+        let (clock, schedule) =
+            M::CLOCKS.iter().zip(run.part.schedules.as_ref()).find(|(_, schedule)| is_missed(schedule))?;
+        Some(format!(
+            "the clock '{}' ticks at {} s: end the step there, and activate the clock in Event Mode",
+            clock.name, schedule.next
+        ))
+    }
+
+    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, _: u64) -> Result<Option<f64>, String> {
+        Self::clear(ctx.layout, values);
+        if step.importer_ticks {
+            return Ok(None);
+        }
+        let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
+        let part = Self::run_ticks(Run { ctx, run, values }, step.time + step.step, step.step)
+            .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
+        run.part = part;
+        Ok(None)
+    }
+
+    fn outputs(_: Context<'_, Self>, _: &ClockedRun<M>, _: &mut ValueStore) {}
+
+    fn schedules(run: &ClockedRun<M>) -> &[Schedule] {
+        run.part.schedules.as_ref()
+    }
+
+    fn evaluate_clocks(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
+        let flags = values.booleans[ctx.layout.clocks.booleans()].iter();
+        let active = flags.enumerate().fold(0_u64, |all, (clock, &is_active)| all | u64::from(is_active) << clock);
+        if run.evaluated.is_some() || active == 0 {
+            return Ok(());
+        }
+        let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
+        Self::clear(ctx.layout, values);
+        let mut part = run.part.clone();
+        part.schedules.as_mut().iter_mut().for_each(|schedule| schedule.is_new = false);
+        Self::tick(&ctx, &mut part, values, ctx.time, |_, clock| active >> clock & 1 != 0)
+            .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
+        run.evaluated = Some((part, before));
+        Ok(())
+    }
+
+    fn restore_outputs(run: &ClockedRun<M>, layout: &Layout, values: &mut ValueStore) {
+        if let Some((_, before)) = &run.evaluated {
+            before.write(&mut values.view_mut(), layout.outputs.at);
+        }
+    }
+
+    fn forget_evaluation(run: &mut ClockedRun<M>) {
+        run.evaluated = None;
+    }
+
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
+        Self::evaluate_clocks(Run { ctx, run, values })?;
+        match run.evaluated.take() {
+            Some((part, _)) => run.part = part,
+            None => run.part.schedules.as_mut().iter_mut().for_each(|schedule| schedule.is_new = false),
+        }
+        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
+        values.booleans[ctx.layout.clocks.booleans()].fill(false);
+        Self::clear(ctx.layout, values);
+        Ok(Update { states_changed: false, next_event_time: None })
+    }
+
+    fn save(run: &ClockedRun<M>, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
+        run.part.state.save(sink);
+        clocks::save(run.part.schedules.as_ref(), sink);
+        Ok(())
+    }
+
+    fn restore(run: &mut ClockedRun<M>, _: &Layout, source: &mut Words<'_>) -> Result<(), String> {
+        run.part.state.load(source)?;
+        clocks::restore(run.part.schedules.as_mut(), source)
+    }
+
+    fn not_finite(run: &ClockedRun<M>) -> Option<(&'static str, f64)> {
+        run.part.state.not_finite()
+    }
+}
