@@ -346,6 +346,51 @@ def interval(fmu: FMU3Slave, clock: int) -> tuple[float, int]:
     return intervals[0], qualifiers[0]
 
 
+def test_fmpy_gets_intermediate_updates(tmp_path: Path) -> None:
+    """FMPy's callback reads the ball and ends the step at the first bounce. Reference: the closed form of the fall."""
+    path = FOLDER3 / "BouncingBall.fmu"
+    description = fmpy.read_model_description(str(path))
+    assert description.coSimulation.providesIntermediateUpdate
+    assert description.coSimulation.canReturnEarlyAfterIntermediateUpdate
+    references = {variable.name: variable.valueReference for variable in description.modelVariables}
+    required = [references["height"], references["velocity"]]
+    gravity, rebound = 9.81, 0.7
+    times: list[float] = []
+
+    # FMPy's type of the callback has pointers as the last two arguments.
+    def update(
+        _: Any, time: float, can_set: bool, can_get: bool, finished: bool, can_return: bool, early: Any, end: Any
+    ) -> None:
+        assert [can_set, can_get, finished, can_return] == [False, True, True, True]
+        height, velocity = fmu.getFloat64(required)
+        assert fmu.getOutputDerivatives(required, [1, 1]) == [velocity, -gravity]
+        if velocity > 0:
+            early[0], end[0] = True, time
+        else:
+            assert abs(height - (1.0 - gravity / 2.0 * time**2)) < 1e-12
+        times.append(time)
+
+    fmu = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
+    fmu.instantiate(earlyReturnAllowed=True, intermediateUpdate=update, requiredIntermediateVariables=required)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    event, terminate, is_early, last = fmu.doStep(0.0, 1.0)
+    bounce = (2.0 / gravity) ** 0.5
+    assert (event, terminate, is_early) == (False, False, True)
+    assert abs(last - bounce) < 1e-9
+    # Steps of at most 0.01 s, and the step to the bounce.
+    assert len(times) == 46
+    assert times[-1] == last
+    assert np.allclose(times[:-1], 0.01 * np.arange(1, 46), rtol=0.0, atol=1e-12)
+    assert abs(fmu.getFloat64(required)[1] - rebound * gravity * bounce) < 1e-8
+    fmu.terminate()
+    fmu.freeInstance()
+
+
 def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:
     """Record the outputs. Aliases are left out, because FMI 2.0 declares them as local variables."""
     outputs = [v for v in description.modelVariables if v.causality == "output" and v.alias is None]

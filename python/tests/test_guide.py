@@ -178,11 +178,16 @@ def test_yaml_blocks_are_lists_of_documents(path: Path) -> None:
         assert all(document["kind"] for document in yaml.safe_load_all(text))
 
 
-@pytest.mark.parametrize("name", ["interfaces.md", "steady-states.md", "studies.md"])
-def test_the_python_of_a_page_runs(name: str) -> None:
+@pytest.mark.parametrize(("name", "number"), [("interfaces.md", 0), ("steady-states.md", -1), ("studies.md", -1)])
+def test_the_python_of_a_page_runs(name: str, number: int) -> None:
     # The FMI 3.0 FMU also has both interfaces, and other tests have already packed it.
-    code = blocks(GUIDE / name, "python")[-1].replace("target/fmu/BouncingBall", "target/fmu3/BouncingBall")
+    code = blocks(GUIDE / name, "python")[number].replace("target/fmu/BouncingBall", "target/fmu3/BouncingBall")
     run_python(code, ROOT)
+
+
+def test_the_importer_of_the_page_ends_a_step_at_the_bounce() -> None:
+    output = run_python(blocks(GUIDE / "interfaces.md", "python")[1], ROOT)
+    assert [output.strip()] == promised(GUIDE / "interfaces.md")
 
 
 def test_the_steady_state_is_that_of_the_page() -> None:

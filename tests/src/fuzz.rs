@@ -90,7 +90,7 @@ struct Spec {
 struct Slot<'a> {
     instance: RawInstance<'a>,
     interface: Interface,
-    events: EventArguments,
+    events: EventArguments<'static>,
     name: Vec<u8>,
     has_logger: bool,
     /// True if the instance logs all categories, including discarded calls.

@@ -7,6 +7,7 @@
 
 use crate::Fmu;
 use fmu_import::archive::{Archive, Unpacked};
+use fmu_import::c_api::v3::{IntermediateUpdate, RawBoolean};
 use fmu_import::c_api::{self, Component, RawStatus, Reference, State};
 use fmu_import::description::{FmiVersion, Interface};
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -20,6 +21,7 @@ mod events;
 mod float_environment;
 mod names;
 mod types;
+mod updates;
 
 pub use events::{DerivativeArrays, UpdateFlags};
 #[cfg(target_arch = "x86_64")]
@@ -66,18 +68,21 @@ pub struct Arguments<'a> {
     /// True if a struct of callbacks is passed (FMI 2.0).
     pub callbacks: bool,
     /// Additional arguments in FMI 3.0.
-    pub events: EventArguments,
+    pub events: EventArguments<'a>,
 }
 
 /// Arguments of fmi3InstantiateCoSimulation that FMI 2.0 does not have.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct EventArguments {
+pub struct EventArguments<'a> {
     /// eventModeUsed.
     pub mode_used: bool,
     /// earlyReturnAllowed.
     pub early_return: bool,
-    /// nRequiredIntermediateVariables.
+    /// nRequiredIntermediateVariables, with a null pointer as requiredIntermediateVariables.
     pub intermediate_variables: usize,
+    /// requiredIntermediateVariables of an instance with a callback; steps are made with
+    /// [`RawInstance::step_with_updates`].
+    pub updates: Option<&'a [Reference]>,
 }
 
 /// An instance; freed when dropped.
@@ -305,7 +310,7 @@ impl Raw {
             usize,
             *mut c_void,
             Logger,
-            *const c_void,
+            Option<IntermediateUpdate>,
         ) -> Component;
         type Scheduled = unsafe extern "C" fn(
             *const c_char,
@@ -323,9 +328,12 @@ impl Raw {
         let (name, token, resources) = (text(arguments.name), text(arguments.guid), text(arguments.resources));
         let environment = log.map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast());
         let logger: Logger = log.map(|_| note_fmi3 as c_api::v3::LogMessage);
-        let EventArguments { mode_used, early_return, intermediate_variables } = arguments.events;
+        let EventArguments { mode_used, early_return, intermediate_variables, updates } = arguments.events;
+        let (required, count) =
+            updates.map_or((ptr::null(), intermediate_variables), |required| (required.as_ptr(), required.len()));
+        let update = updates.map(|_| updates::update as IntermediateUpdate);
         // SAFETY: strings end with a zero; the types are those of the headers, with callbacks that may be null. The
-        // array of intermediate variables is null; an FMU without such variables rejects it because of its length.
+        // array of intermediate variables has the stated length, or is null, which the FMU rejects.
         unsafe {
             match arguments.kind {
                 0 => {
@@ -342,11 +350,11 @@ impl Raw {
                         logging_on,
                         mode_used,
                         early_return,
-                        ptr::null(),
-                        intermediate_variables,
+                        required,
+                        count,
                         environment,
                         logger,
-                        ptr::null(),
+                        update,
                     )
                 }
                 _ => {

@@ -212,12 +212,17 @@ impl<'a> Subject<'a> {
     }
 
     fn instance(&self) -> RawInstance<'_> {
+        self.instance_with(None)
+    }
+
+    /// An instance with these required variables and a callback, if they are given.
+    fn instance_with(&self, updates: Option<&[Reference]>) -> RawInstance<'_> {
         let guid = CString::new(self.raw.guid()).expect("no zeros");
         let kind = match self.interface {
             Interface::CoSimulation => c_api::CO_SIMULATION,
             Interface::ModelExchange => c_api::MODEL_EXCHANGE,
         };
-        let events = EventArguments { mode_used: self.has_event_mode, ..EventArguments::default() };
+        let events = EventArguments { mode_used: self.has_event_mode, updates, ..EventArguments::default() };
         let (name, guid) = (Some(c"order"), Some(guid.as_c_str()));
         let arguments = Arguments { name, kind, guid, resources: None, callbacks: true, events };
         self.raw.instantiate_logging(arguments, 0).expect("an instance")
@@ -336,6 +341,30 @@ impl<'a> Subject<'a> {
         assert_eq!(self.letter(&instance), next, "{place}: the state after the call");
     }
 
+    /// Calls a function in the first intermediate update of a step. Returns the status, the message and the bytes of the
+    /// state after the step.
+    fn in_update(&self, call: &mut dyn FnMut(&RawInstance<'_>, RawState) -> RawStatus) -> (RawStatus, String, Vec<u8>) {
+        let instance = self.instance_with(Some(&self.fmu.references(Causality::Output)));
+        let mut saved = RawState::NULL;
+        assert_eq!(instance.get_state(Some(&mut saved)), OK);
+        assert_eq!(enter_initialization(self, &instance), OK);
+        assert_eq!(instance.transition("fmi2ExitInitializationMode"), OK);
+        if self.has_event_mode {
+            assert_eq!(instance.transition("fmi3EnterStepMode"), OK);
+        }
+        let mut result = None;
+        let mut importer = || {
+            if result.is_none() {
+                let status = call(&instance, saved);
+                result = Some((status, message(&instance)));
+            }
+        };
+        assert_eq!(instance.step_with_updates(0.0, 0.001, &mut importer), OK, "{}", message(&instance));
+        let (status, text) = result.expect("a step has an update");
+        assert_eq!(self.letter(&instance), 's', "{}: the state after the step", self.fmu.name);
+        (status, text, self.content(&instance, 's'))
+    }
+
     /// The bytes of an instance's state, or its values if the state cannot be saved.
     fn content(&self, instance: &RawInstance<'_>, letter: char) -> Vec<u8> {
         let reals = self.reals();
@@ -449,6 +478,52 @@ fn every_function_in_every_state_of_fmi_3() {
     assert!(fmus.iter().any(|fmu| fmu.name == "BouncingBall" && has_event_mode(fmu)), "no FMU has Event Mode");
     let failed = every_function_in_every_state(&fmus);
     assert!(failed.iter().any(|name| name == "RescueVehicle"), "no failed step of RescueVehicle, only of {failed:?}");
+}
+
+/// Reference: the list for Intermediate Update Mode in FMI 3.0.2, section 4.2.1. Getters and setters come without
+/// variables, except that the required ones are read. A call does not change the step.
+#[test]
+fn every_function_in_an_intermediate_update() {
+    let is_of_variables = |name: &str| {
+        let rest = name.strip_prefix("fmi3Get").or_else(|| name.strip_prefix("fmi3Set"));
+        rest.is_some_and(|rest| {
+            let rest = rest.trim_start_matches('U');
+            ["Float", "Int8", "Int16", "Int32", "Int64", "Boolean", "String", "Binary"]
+                .iter()
+                .any(|kind| rest.starts_with(kind))
+        })
+    };
+    let mut fmus = all_of_fmi3();
+    fmus.retain(Fmu::is_plant);
+    for fmu in &fmus {
+        let raw = Raw::load(fmu);
+        let subject = Subject::new(fmu, &raw, Interface::CoSimulation);
+        let (.., undisturbed) = subject.in_update(&mut |_, _| OK);
+        let check = |function: &str, call: &mut dyn FnMut(&RawInstance<'_>, RawState) -> RawStatus| {
+            let name = in_version(FmiVersion::V3, function);
+            let (status, text, content) = subject.in_update(call);
+            let others =
+                ["fmi3GetOutputDerivatives", "fmi3GetNumberOfVariableDependencies", "fmi3GetVariableDependencies"];
+            let is_accepted = is_of_variables(name) || others.contains(&name);
+            let place = format!("{}: {name} in an intermediate update: {text}", fmu.name);
+            assert_eq!(status, if is_accepted { OK } else { ERROR }, "{place}");
+            assert!(is_accepted || text.starts_with(name), "{place}: the message does not name the function");
+            assert!(content == undisturbed, "{place}: the call changed the step");
+        };
+        for (function, _, call) in TABLE.iter().filter(|(_, columns, _)| columns[2] != NO) {
+            check(function, &mut |instance, saved| match *function {
+                "fmi2GetReal" => {
+                    let outputs = fmu.references(Causality::Output);
+                    instance.get(Some(&outputs), outputs.len(), Some(&mut vec![0.0; outputs.len()]))
+                }
+                "fmi2SetReal" => instance.set::<f64>(Some(&[]), 0, Some(&[])),
+                _ => call(&subject, instance, saved),
+            });
+        }
+        for (function, shape) in TYPES_WITHOUT_VARIABLES {
+            check(function, &mut |instance, _| instance.without_variables((function, shape), Some(&[]), 0, &mut [], 0));
+        }
+    }
 }
 
 #[test]

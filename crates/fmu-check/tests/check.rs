@@ -167,6 +167,11 @@ fn capabilities_that_are_not_there_are_found() {
         let found = build(&[defect, if defect.starts_with("SLOPES") { "NONE" } else { "SLOPES=2" }]);
         assert!(found.iter().any(|line| line.starts_with(expected)), "{expected:?} was expected, not {found:#?}");
     }
+    // A discrete output has no derivatives (FMI 2.0.4, section 4.2.1).
+    let discrete = [("causality=\"output\"", "causality=\"output\" variability=\"discrete\"")];
+    let found =
+        lines(&Build { flags: FLAGS, edits: &discrete, defects: &["SLOPES=1"], ..Build::new("Fault", "u", "x") });
+    assert!(!found.iter().any(|line| line.contains("maxOutputDerivativeOrder")), "{found:#?}");
     // An FMU may allow only one instance at a time if its description declares this.
     let single = |flags: &str| lines(&Build { flags, defects: &["SINGLE"], ..Build::new("Fault", "u", "x") });
     let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");

@@ -241,6 +241,7 @@ impl Variable {
                 "quantity" => "`quantity` is only allowed on numbers".to_owned(),
                 "relative_quantity" | "unbounded" => format!("`{key}` is only allowed on real variables"),
                 "constant" => "`constant` is only allowed on outputs and derived parameters".to_owned(),
+                "intermediate" => "`intermediate` is only allowed on real inputs".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "clock" => "`clock` is only allowed on inputs and outputs".to_owned(),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
@@ -397,7 +398,7 @@ impl Variable {
         if let Some(Some(quantity)) = errors.keep(self.value("quantity")) {
             set.push(quote_spanned!(quantity.span()=> details.quantity = #quantity));
         }
-        for key in ["relative_quantity", "unbounded"] {
+        for key in ["relative_quantity", "unbounded", "intermediate"] {
             if errors.keep(self.flag(key)) == Some(true) {
                 let key = Ident::new(key, self.span());
                 set.push(quote!(details.#key = true));

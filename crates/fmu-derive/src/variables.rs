@@ -38,7 +38,10 @@ impl Block {
             (Self::Inputs | Self::Outputs, Content::Integer) => {
                 "start clock min max elements description nested flatten"
             }
-            (Self::Inputs | Self::Outputs, _) => {
+            (Self::Inputs, _) => {
+                "unit start clock min max nominal display intermediate elements description enumeration nested flatten"
+            }
+            (Self::Outputs, _) => {
                 "unit start clock min max nominal display elements description enumeration nested flatten"
             }
             (Self::State, _) => "unit start nominal display local calculated elements description nested flatten",

@@ -31,6 +31,7 @@ mod common;
 mod float_environment;
 pub mod fmi2;
 pub mod fmi3;
+mod updates;
 mod values;
 
 /// The values of fmi2Status and fmi3Status that the FMUs return.
@@ -164,6 +165,8 @@ struct Handle<E: Export> {
     snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
     /// True if a co-simulation step ends at the first event (FMI 3.0).
     returns_early: bool,
+    /// Data for intermediate updates, if the importer passed a callback (FMI 3.0).
+    updates: Option<Box<updates::Updates>>,
     /// Value references of the array elements in the present call (FMI 3.0 with native arrays).
     elements: Vec<fmi3::ValueReference>,
 }

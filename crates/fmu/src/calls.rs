@@ -107,11 +107,13 @@ pub enum Mode {
     Event,
     /// Model exchange: the importer integrates.
     ContinuousTime,
+    /// Co-simulation: inside a step, while the importer's `intermediateUpdate` runs.
+    IntermediateUpdate,
 }
 
 impl Mode {
     /// All modes, ordered by their discriminants.
-    pub const ALL: [Mode; 8] = [
+    pub const ALL: [Mode; 9] = [
         Self::Instantiated,
         Self::Initialization,
         Self::Step,
@@ -120,6 +122,7 @@ impl Mode {
         Self::Broken,
         Self::Event,
         Self::ContinuousTime,
+        Self::IntermediateUpdate,
     ];
 
     /// Name in messages.
@@ -133,6 +136,7 @@ impl Mode {
             Self::Broken => "Broken",
             Self::Event => "Event Mode",
             Self::ContinuousTime => "Continuous-Time Mode",
+            Self::IntermediateUpdate => "Intermediate Update Mode",
         }
     }
 
@@ -140,27 +144,31 @@ impl Mode {
     pub const fn belongs_to(self, protocol: Protocol) -> bool {
         match (self, protocol.interface) {
             (Self::Step | Self::StepFailed, interface) => matches!(interface, Interface::CoSimulation),
-            (Self::Event, Interface::CoSimulation) => matches!(protocol.version, Version::Fmi3),
+            (Self::Event | Self::IntermediateUpdate, Interface::CoSimulation) => {
+                matches!(protocol.version, Version::Fmi3)
+            }
+            (Self::IntermediateUpdate, Interface::ModelExchange) => false,
             (Self::ContinuousTime, interface) => matches!(interface, Interface::ModelExchange),
             _ => true,
         }
     }
 
-    const fn bit(self) -> u8 {
+    const fn bit(self) -> u16 {
         1 << self as u8
     }
 }
 
-const I: u8 = Mode::Instantiated.bit();
-const N: u8 = Mode::Initialization.bit();
-const S: u8 = Mode::Step.bit();
-const F: u8 = Mode::StepFailed.bit();
-const T: u8 = Mode::Terminated.bit();
-const B: u8 = Mode::Broken.bit();
-const E: u8 = Mode::Event.bit();
-const C: u8 = Mode::ContinuousTime.bit();
+const I: u16 = Mode::Instantiated.bit();
+const N: u16 = Mode::Initialization.bit();
+const S: u16 = Mode::Step.bit();
+const F: u16 = Mode::StepFailed.bit();
+const T: u16 = Mode::Terminated.bit();
+const B: u16 = Mode::Broken.bit();
+const E: u16 = Mode::Event.bit();
+const C: u16 = Mode::ContinuousTime.bit();
+const M: u16 = Mode::IntermediateUpdate.bit();
 /// Not a function of this interface.
-const NO: u8 = 0;
+const NO: u16 = 0;
 
 macro_rules! calls {
     ($($function:ident $two:literal $three:literal: $($modes:expr),*;)*) => {
@@ -181,7 +189,7 @@ macro_rules! calls {
                 )* }
             }
 
-            const fn modes(self) -> [u8; 4] {
+            const fn modes(self) -> [u16; 4] {
                 match self { $(Self::$function => [$($modes),*]),* }
             }
         }
@@ -197,16 +205,16 @@ calls! {
     ExitInitializationMode "fmi2ExitInitializationMode" "fmi3ExitInitializationMode": N, N, N, N;
     Terminate "fmi2Terminate" "fmi3Terminate":                                S|F, E|C, S|E|F, E|C;
     Reset "fmi2Reset" "fmi3Reset":                                            I|N|S|F|T|B, I|N|E|C|T|B, I|N|S|E|F|T|B, I|N|E|C|T|B;
-    GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    GetInt64 "" "fmi3GetInt64":                                               NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, I|N|S|E, I|N|E|C;
-    SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, I|N|S|E, I|N|E;
-    SetInt64 "" "fmi3SetInt64":                                               NO, NO, I|N|S|E, I|N|E;
-    SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, I|N|S|E, I|N|E;
-    SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, I|N|S|E, I|N|E;
+    GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetInt64 "" "fmi3GetInt64":                                               NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
+    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, I|N|S|E|M, I|N|E|C;
+    SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, I|N|S|E|M, I|N|E;
+    SetInt64 "" "fmi3SetInt64":                                               NO, NO, I|N|S|E|M, I|N|E;
+    SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, I|N|S|E|M, I|N|E;
+    SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, I|N|S|E|M, I|N|E;
     GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T;
     SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
     FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
@@ -231,7 +239,7 @@ calls! {
     GetNumberOfContinuousStates "" "fmi3GetNumberOfContinuousStates":         NO, NO, NO, I|N|E|C|T;
     // Co-simulation.
     SetRealInputDerivatives "fmi2SetRealInputDerivatives" "":                 I|N|S, NO, NO, NO;
-    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|F|T, NO;
+    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|M|F|T, NO;
     EnterStepMode "" "fmi3EnterStepMode":                                     NO, NO, E, NO;
     DoStep "fmi2DoStep" "fmi3DoStep":                                         S, NO, S, NO;
     CancelStep "fmi2CancelStep" "":                                           S, NO, NO, NO;
@@ -240,28 +248,28 @@ calls! {
     GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
     GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
     GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
-    GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
     // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
     ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, I, I;
-    GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetInt8 "" "fmi3GetInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetUInt8 "" "fmi3GetUInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetInt16 "" "fmi3GetInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetUInt16 "" "fmi3GetUInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetInt8 "" "fmi3GetInt8": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetUInt8 "" "fmi3GetUInt8": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetInt16 "" "fmi3GetInt16": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetUInt16 "" "fmi3GetUInt16": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
     GetClock "" "fmi3GetClock": NO, NO, E, E;
-    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E, I|N|E|C;
-    SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E, I|N|E;
-    SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E, I|N|E;
-    SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E, I|N|E;
-    SetUInt16 "" "fmi3SetUInt16": NO, NO, I|N|S|E, I|N|E;
-    SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E, I|N|E;
-    SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E, I|N|E;
-    SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E, I|N|E;
+    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E|M, I|N|E|C;
+    SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E|M, I|N|E;
+    SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E|M, I|N|E;
+    SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E|M, I|N|E;
+    SetUInt16 "" "fmi3SetUInt16": NO, NO, I|N|S|E|M, I|N|E;
+    SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E|M, I|N|E;
+    SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E|M, I|N|E;
+    SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E|M, I|N|E;
     SetClock "" "fmi3SetClock": NO, NO, E, E;
     GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, N|E, N|E;
     GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, N|E, N|E;

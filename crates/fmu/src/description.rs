@@ -102,7 +102,7 @@ impl Description {
         let Format { version, interfaces, .. } = format;
         let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
         let format = Format { interfaces, ..format };
-        let structure = match contradiction(&M::INFO, &layout, format) {
+        let structure = match contradiction(&M::INFO, &layout, format).or_else(|| misplaced(M::KIND, &layout)) {
             Some(problem) => Err(problem),
             None if interfaces == Interfaces::NONE => {
                 let what = if M::HAS_CLOCKS { "a model with clocks" } else { "a stateful model" };
@@ -262,6 +262,14 @@ fn mistaken_clock(layout: &Layout) -> Option<String> {
             _ => None,
         }
     })
+}
+
+/// Returns an error for the first input that cannot change in intermediate updates although it is declared to, if any.
+fn misplaced(kind: ModelKind, layout: &Layout) -> Option<String> {
+    let is_possible = |variable: &Variable| kind == ModelKind::Continuous && variable.is_intermediate();
+    let mut declared = layout.variables.iter().filter(|variable| variable.declaration.details.intermediate);
+    let name = &declared.find(|variable| !is_possible(variable))?.declaration.name;
+    Some(format!("'{name}': remove `intermediate`, which only `f64` inputs of continuous-time models can have"))
 }
 
 /// Returns the first inconsistency in the declarations, if any.
@@ -533,6 +541,25 @@ mod tests {
                 format!("the name {name:?} is empty or has a control character, which FMI does not allow")
             );
         }
+    }
+
+    #[test]
+    fn only_continuous_inputs_change_in_intermediate_updates() {
+        let layout = |kind: Kind| {
+            let mut inputs = plain(kind);
+            inputs[0].details.intermediate = true;
+            Layout::new(Declarations { inputs, ..Declarations::default() })
+        };
+        let of = |all: Vec<Declaration>| all[0].kind.clone();
+        let continuous = layout(of(real(named("x", unit!("m")), 0.0)));
+        let mut all = Vec::new();
+        named("x", unit!("m")).declare_float32(Some(0.0), &mut all);
+        let message = "'x': remove `intermediate`, which only `f64` inputs of continuous-time models can have";
+        assert_eq!(misplaced(ModelKind::Continuous, &continuous), None);
+        assert_eq!(misplaced(ModelKind::Discrete, &continuous).unwrap(), message);
+        assert_eq!(misplaced(ModelKind::Stateful, &continuous).unwrap(), message);
+        assert_eq!(misplaced(ModelKind::Continuous, &layout(of(all))).unwrap(), message);
+        assert_eq!(misplaced(ModelKind::Continuous, &layout(Kind::Boolean { start: true })).unwrap(), message);
     }
 
     /// The same names are valid in FMI 2.0. Names of event indicators are also valid in FMI 3.0 without model exchange.

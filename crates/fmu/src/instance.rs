@@ -19,7 +19,10 @@ mod derivatives;
 mod model_exchange;
 mod state_bytes;
 mod states;
+mod updates;
 mod values;
+
+pub use updates::PausingStep;
 
 /// Error of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -132,7 +135,15 @@ impl<M: Model> Instance<M> {
         if self.allowed >> function as u32 & 1 != 0 {
             return Ok(());
         }
-        Err(function.out_of_order(self.protocol, self.mode).into())
+        Err(self.out_of_order(function))
+    }
+
+    #[cold]
+    fn out_of_order(&self, function: Function) -> CallError {
+        if function.allowed(self.protocol, self.mode) {
+            return self.error(function, "called after an input was set in this intermediate update");
+        }
+        function.out_of_order(self.protocol, self.mode).into()
     }
 
     fn error(&self, function: Function, message: impl std::fmt::Display) -> CallError {

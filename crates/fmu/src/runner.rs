@@ -61,6 +61,37 @@ pub struct Step {
     pub importer_ticks: bool,
 }
 
+/// Position in a communication step that pauses after each integrator step, for intermediate updates.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Progress {
+    /// Time in s that the integration has reached.
+    pub time: f64,
+    /// End of the step in s: of the communication step, or the time at which the importer requests an early return.
+    pub end: f64,
+    /// Number of the part of the step that follows `time`.
+    pub(crate) part: u64,
+    /// Steps that a solver with error control has attempted.
+    pub(crate) attempts: u64,
+    /// Time in s at which the model is asked for the next time event.
+    pub(crate) reached: f64,
+    /// Events in the step.
+    pub(crate) events: u32,
+    /// Time of the first event in the step, for a message.
+    pub(crate) first_event: f64,
+    /// Time in s of the last time event that was handled in this step; before the first one, the end of the previous
+    /// step.
+    pub(crate) handled: f64,
+}
+
+impl Progress {
+    /// The start of a step.
+    #[inline]
+    pub fn new(step: Step) -> Self {
+        let Step { reached, time, step, .. } = step;
+        Self { time, end: time + step, part: 0, attempts: 0, reached, events: 0, first_event: 0.0, handled: reached }
+    }
+}
+
 /// Result of an event in model exchange.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
@@ -154,6 +185,13 @@ pub trait Model: Sized + 'static {
     /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early,
     /// if any. Fails, without changing `values`, if a number is not finite or the model rejects the step.
     fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String>;
+    /// Takes one integrator step of a communication step, or a part of it up to an event. Returns the time of an event
+    /// at which the communication step stops. After an error, the caller restores the values.
+    fn step_to_update(_: Run<'_, Self>, _: Step, _parts: u64, _: &mut Progress) -> Result<Option<f64>, String> {
+        unreachable!("only continuous-time models have intermediate updates")
+    }
+    /// Restores the discrete state from before the first event in the step.
+    fn undo_events(_: &mut Self::RunnerState) {}
     /// Co-simulation without Event Mode: handles the time events at the start. Fails like [`Self::handle_events`].
     fn init_steps(_: Run<'_, Self>) -> Result<(), String> {
         Ok(())

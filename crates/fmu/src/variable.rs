@@ -46,6 +46,8 @@ pub struct Details {
     pub quantity: &'static str,
     /// True for a real number that is a difference, so the offset of a display unit does not apply.
     pub relative_quantity: bool,
+    /// True for an input that importers may set in intermediate updates.
+    pub intermediate: bool,
     /// True for a real number that may become much greater than its nominal value.
     pub unbounded: bool,
 }
@@ -283,6 +285,16 @@ impl Variable {
     /// Returns true if the description of a version declares the variable.
     pub(crate) fn is_in(&self, version: Version) -> bool {
         self.declaration.details.only.is_none_or(|only| only == version)
+    }
+    pub(crate) fn is_input(&self) -> bool {
+        self.role == Role::Input
+    }
+    /// Returns true if importers may use the variable in intermediate updates, provided that the model is
+    /// continuous-time.
+    pub(crate) fn is_intermediate(&self) -> bool {
+        let Declaration { kind, details, .. } = &self.declaration;
+        let is_continuous = matches!(kind, Kind::Real(_));
+        is_continuous && (matches!(self.role, Role::Output | Role::State) || details.intermediate)
     }
     /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.
     pub(crate) fn has_limits(&self) -> bool {

@@ -70,14 +70,17 @@ impl Fuzzer<'_> {
         let [unknown, known] = self.pair();
         let kind = self.random.below(5);
         if kind == 0 {
-            let orders = vec![self.integer(); unknown.len()];
-            let mut values = vec![MARK; unknown.len()];
+            let order = if self.chance(4) { self.integer() } else { 1 };
+            let orders = vec![order; unknown.len()];
+            let mut values = vec![MARK; self.size(&unknown).max(unknown.len())];
             let (function, text) = ("fmi2GetRealOutputDerivatives", format!("{unknown:?} {orders:?}"));
             let status = self.call(at, function, text, Next::Same, |instance| {
                 instance.output_derivatives(&unknown, &orders, &mut values)
             })?;
-            return ensure(values.iter().all(|value| *value == MARK) && (status != OK || unknown.is_empty()), || {
-                format!("{function} returned {status} and wrote {values:?}")
+            let is_right =
+                |value: &f64| if status == OK { value.is_finite() && *value != MARK } else { *value == MARK };
+            return ensure(values.iter().all(is_right) && (status != OK || order == 1 || unknown.is_empty()), || {
+                format!("{function} returned {status} for {orders:?} and wrote {values:?}")
             });
         }
         let is_adjoint = kind < 3;

@@ -26,8 +26,10 @@ impl Trial<'_> {
             let result = self.started("slope").and_then(|mut i| i.set_real_input_derivatives(&reference, &[1], &[0.0]));
             promise("canInterpolateInputs", result);
         }
-        if unit.max_output_derivative_order > 0 && !self.outputs.is_empty() {
-            let reference = self.references(&self.outputs[..1]);
+        // Only continuous outputs have derivatives.
+        let continuous = |i: &&usize| self.variable(**i).variability != Variability::Discrete;
+        if let Some(&output) = self.outputs.iter().find(continuous).filter(|_| unit.max_output_derivative_order > 0) {
+            let reference = self.references(&[output]);
             let highest = i32::try_from(unit.max_output_derivative_order).unwrap_or(i32::MAX);
             let result = self.started("slope").and_then(|mut instance| {
                 self.go(&mut instance, 0..2, 1)?;

@@ -6,7 +6,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::c::{c_char, c_int, size_t};
 use super::float_environment::argument;
-use super::{Component, Export, FmuState, Handle, Log, Status, call, float_environment, functions, text, words};
+use super::{
+    Component, Export, FmuState, Handle, Log, Status, call, float_environment, functions, text, updates, words,
+};
 use crate::calls::{Function, Interface};
 use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
 use crate::instance::Instance;
@@ -42,6 +44,7 @@ pub(super) unsafe fn create<E: Export>(
                 log,
                 snapshots: HashSet::default(),
                 returns_early: false,
+                updates: None,
                 elements: Vec::new(),
             }))
             .cast();
@@ -68,6 +71,13 @@ pub(super) unsafe fn check_guid<E: Export>(name: &str, guid: *const c_char) -> R
 pub unsafe fn free_instance<E: Export>(component: Component) {
     let handle = component.cast::<Handle<E>>();
     if !handle.is_null() && handle.is_aligned() {
+        // SAFETY: made by Box::into_raw in `instantiate`, not freed yet.
+        if updates::are_provided::<E>() && unsafe { (*handle).instance.is_updating() } {
+            let message = "fmi3FreeInstance called in Intermediate Update Mode; the instance was not freed";
+            // SAFETY: as above.
+            unsafe { &*handle }.log.write(Status::Error, LOG_ERROR, message);
+            return;
+        }
         // SAFETY: made by Box::into_raw in `instantiate`, freed once.
         let handle = unsafe { Box::from_raw(handle) };
         // A panic here cannot be reported: the logger is dropped, too.

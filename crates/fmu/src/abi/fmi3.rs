@@ -12,6 +12,8 @@ pub use super::common::{
     serialized_fmu_state_size, set_continuous_states, set_debug_logging, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
+use super::updates::{self, Request, Results};
+pub use super::updates::{IntermediateUpdate, get_output_derivatives};
 use super::values::{self, Binaries, List, check_count, elements};
 use super::{
     Call, CallResult, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text,
@@ -71,11 +73,13 @@ unsafe fn instantiate<E: Export>(
     arguments: Arguments,
     interface: Interface,
     with_event_mode: bool,
+    request: Option<Request<'_>>,
 ) -> Component {
     let Arguments { name, token, resources, logging_on, .. } = arguments;
     let log = arguments.log(logging_on != 0);
+    let mut updates = None;
     // SAFETY: strings from the caller.
-    unsafe {
+    let component = unsafe {
         common::create::<E>(function, log, name, || {
             if !common::provides::<E>(interface) {
                 return Err(format!("this FMU does not provide {}", interface.name()));
@@ -89,34 +93,52 @@ unsafe fn instantiate<E: Export>(
             } else {
                 PathBuf::from(text(resources).map_err(|e| format!("resourcePath is {e}"))?)
             };
+            if let Some(request) = request {
+                updates = request.accept::<E>()?;
+            }
             let protocol = Protocol { version: Version::Fmi3, interface };
             let instance = Instance::new(protocol, E::description(), resources);
             Ok(if with_event_mode { instance.with_event_mode() } else { instance })
         })
+    };
+    if !component.is_null() {
+        // SAFETY: created above.
+        unsafe { (*component.cast::<Handle<E>>()).updates = updates };
     }
+    component
 }
 
 /// fmi3InstantiateModelExchange. If it fails, logs the reason (if there is a logger) and returns a null pointer.
 pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Component {
-    unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
+    unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false, None) }
 }
 
 /// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. With both `event_mode` and `early_return`, a
-/// step ends at the first event, which the importer then handles; otherwise, the step itself handles its events.
+/// step ends at the first event, which the importer then handles; otherwise, the step itself handles its events. With
+/// `update`, each step of a continuous-time model calls it after each integrator step; it may use the variables of
+/// `intermediate_variables`, which must have the attribute `intermediateUpdate`.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
     early_return: Boolean,
-    _intermediate_variables: *const ValueReference,
+    intermediate_variables: *const ValueReference,
     intermediate_count: size_t,
+    update: Option<IntermediateUpdate>,
 ) -> Component {
     const NAME: &str = "fmi3InstantiateCoSimulation";
-    if intermediate_count > 0 {
-        let message = "requiredIntermediateVariables must be empty, because intermediate update is not supported";
+    let required = if intermediate_count == 0 {
+        &[]
+    } else if intermediate_variables.is_null() || !intermediate_variables.is_aligned() {
+        let message = "requiredIntermediateVariables must be an array of length nRequiredIntermediateVariables";
         return unsafe { arguments.reject::<E>(NAME, message) };
-    }
+    } else {
+        // SAFETY: an array of this length, checked for null and alignment.
+        unsafe { std::slice::from_raw_parts(intermediate_variables, intermediate_count) }
+    };
+    let can_return_early = early_return != 0;
+    let request = Request { required, callback: update, environment: arguments.environment, can_return_early };
     let with_events = event_mode != 0;
-    let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events) };
+    let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events, Some(request)) };
     if with_events && early_return != 0 && !component.is_null() {
         // SAFETY: created above.
         unsafe { (*component.cast::<Handle<E>>()).returns_early = true };
@@ -375,6 +397,29 @@ pub unsafe fn not_provided<E: Export>(component: Component, function: Function) 
     unsafe { call::<E>(component, function, |_, call| Err(call.error("not provided (see the model description)"))) }
 }
 
+/// fmi3DoStep.
+#[expect(clippy::too_many_arguments, reason = "as in the standard")]
+#[inline]
+pub unsafe fn do_step<E: Export>(
+    component: Component,
+    time: f64,
+    step: f64,
+    _no_set_before: Boolean,
+    event_handling_needed: *mut Boolean,
+    terminate: *mut Boolean,
+    early_return: *mut Boolean,
+    last_successful_time: *mut f64,
+) -> Status {
+    unsafe {
+        if updates::are_provided::<E>() && updates::has_callback::<E>(component) {
+            let results = Results { event_handling_needed, terminate, early_return, last_successful_time };
+            return updates::do_step::<E>(component, time, step, results);
+        }
+        let (event, last) = (event_handling_needed, last_successful_time);
+        do_step_without_updates::<E>(component, time, step, event, terminate, early_return, last)
+    }
+}
+
 /// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
 #[expect(clippy::too_many_arguments, reason = "as in the standard")]
 pub unsafe fn get_derivative<E: Export>(
@@ -481,9 +526,9 @@ functions! {
 
     fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
 
-    #[expect(clippy::too_many_arguments, reason = "as in the standard")]
-    fn do_step[DoStep](
-        h, call, time: f64, step: f64, _no_set_before: Boolean, event_handling_needed: *mut Boolean, terminate: *mut Boolean,
+    /// fmi3DoStep without a callback for intermediate updates.
+    fn do_step_without_updates[DoStep](
+        h, call, time: f64, step: f64, event_handling_needed: *mut Boolean, terminate: *mut Boolean,
         early_return: *mut Boolean, last_successful_time: *mut f64
     ) {
         let event = call.target("eventHandlingNeeded", event_handling_needed)?;
@@ -510,7 +555,7 @@ functions! {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {
-    (@instantiate $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*) ($($unused:ident: $other:ty),*);)*) => {$(
+    (@instantiate $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*) ($($last:ident: $last_type:ty),*) ($($unused:ident: $other:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             name: *const c_char,
@@ -521,10 +566,11 @@ macro_rules! c_interface_of_fmi3 {
             $($argument: $type,)*
             environment: *mut c_void,
             logger: Option<Logger>
+            $(, $last: $last_type)*
             $(, $unused: $other)*
         ) -> Component {
             let arguments = Arguments { name, token, resources, logging_on, environment, logger };
-            unsafe { $target::<$model>(arguments $(, $argument)*) }
+            unsafe { $target::<$model>(arguments $(, $argument)* $(, $last)*) }
         }
     )*};
     (@number $model:ty: $($get:ident $set:ident $get_function:ident $set_function:ident $type:ty;)*) => {$(
@@ -599,9 +645,9 @@ macro_rules! c_interface_of_fmi3 {
                 unsafe { free_instance::<$model>(component) }
             }
             $crate::c_interface_of_fmi3! { @instantiate $model:
-                fmi3InstantiateModelExchange instantiate_model_exchange () ();
-                fmi3InstantiateCoSimulation instantiate_co_simulation (event_mode: Boolean, early_return: Boolean, intermediate: *const ValueReference, n_intermediate: size_t) (_update: *const c_void);
-                fmi3InstantiateScheduledExecution instantiate_scheduled_execution () (_clock_update: *const c_void, _lock: *const c_void, _unlock: *const c_void);
+                fmi3InstantiateModelExchange instantiate_model_exchange () () ();
+                fmi3InstantiateCoSimulation instantiate_co_simulation (event_mode: Boolean, early_return: Boolean, intermediate: *const ValueReference, n_intermediate: size_t) (update: Option<IntermediateUpdate>) ();
+                fmi3InstantiateScheduledExecution instantiate_scheduled_execution () () (_clock_update: *const c_void, _lock: *const c_void, _unlock: *const c_void);
             }
             $crate::c_functions! { $model:
                 fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
@@ -623,6 +669,7 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetVariableDependencies get_variable_dependencies (dependent: ValueReference, elements: *mut size_t, independents: *mut ValueReference, their_elements: *mut size_t, kinds: *mut c_int, n: size_t);
                 fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
                 fmi3GetAdjointDerivative get_derivative GetAdjointDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
+                fmi3GetOutputDerivatives get_output_derivatives (vr: *const ValueReference, n: size_t, orders: *const i32, values: *mut f64, n_values: size_t);
                 fmi3GetFloat64 get_float64 (vr: *const ValueReference, n: size_t, values: *mut f64, n_values: size_t);
                 fmi3SetFloat64 set_float64 (vr: *const ValueReference, n: size_t, values: *const f64, n_values: size_t);
                 fmi3GetBoolean get_boolean (vr: *const ValueReference, n: size_t, values: *mut Boolean, n_values: size_t);
@@ -654,9 +701,6 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3SetIntervalFraction SetIntervalFraction (_counters: *const u64, _resolutions: *const u64);
                 fmi3SetShiftDecimal SetShiftDecimal (_shifts: *const f64);
                 fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
-            }
-            $crate::c_interface_of_fmi3! { @none no_variables $model:
-                fmi3GetOutputDerivatives GetRealOutputDerivatives (_orders: *const i32, _values: *mut f64, _n_values: size_t);
             }
             $crate::c_interface_of_fmi3! { @not $model:
                 fmi3EnterConfigurationMode EnterConfigurationMode ();

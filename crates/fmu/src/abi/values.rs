@@ -4,7 +4,7 @@ use std::ffi::CStr;
 use std::marker::PhantomData;
 
 use super::c::{c_char, c_int, size_t};
-use super::{Call, CallResult, Component, Export, Handle, Status, call, text};
+use super::{Call, CallResult, Component, Export, Handle, Status, call, text, updates};
 use crate::calls::{Function, Version};
 use crate::instance::{CallError, Instance};
 use crate::number::Number;
@@ -40,6 +40,9 @@ pub(super) unsafe fn elements<'h, E: Export>(
 ) -> Result<(&'h [u32], &'h mut Instance<E::Model>), CallError> {
     let name = if is_fmi3::<E>() { "valueReferences" } else { "vr" };
     let references = unsafe { call.array(name, references, count) }?;
+    if updates::are_provided::<E>() && h.instance.is_updating() {
+        updates::check_access(h, call, references)?;
+    }
     if !E::FORMAT.arrays {
         return Ok((references, &mut h.instance));
     }

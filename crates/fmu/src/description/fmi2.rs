@@ -31,7 +31,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
                 ("canSerializeFMUstate", M::IS_SERIALIZABLE),
                 ("providesDirectionalDerivative", M::KIND == ModelKind::Continuous),
             ];
-            interface(xml, name, info, &capabilities)?;
+            interface(xml, name, info, &capabilities, &[])?;
         }
         unit_definitions(xml, layout)?;
         type_definitions(xml, layout)?;

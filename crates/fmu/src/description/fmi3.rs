@@ -24,6 +24,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
             .filter(|(is_provided, _)| *is_provided)
         {
             let is_co_simulation = name == "CoSimulation";
+            let has_updates = is_co_simulation && M::KIND == ModelKind::Continuous;
             let capabilities = [
                 ("canGetAndSetFMUState", true),
                 ("canSerializeFMUState", M::IS_SERIALIZABLE),
@@ -33,8 +34,11 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
                 ("canHandleVariableCommunicationStepSize", is_co_simulation),
                 ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
                 ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS && !M::HAS_CLOCKS),
+                ("providesIntermediateUpdate", has_updates),
+                ("canReturnEarlyAfterIntermediateUpdate", has_updates),
             ];
-            interface(xml, name, info, &capabilities)?;
+            let order: &[(&str, &dyn Display)] = &[("maxOutputDerivativeOrder", &1)];
+            interface(xml, name, info, &capabilities, if has_updates { order } else { &[] })?;
         }
         unit_definitions(xml, layout)?;
         type_definitions(xml, layout)?;
@@ -131,6 +135,9 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     // An event may set the states.
     if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
         attributes.push(("reinit", "true".to_owned()));
+    }
+    if variable.is_intermediate() && M::KIND == ModelKind::Continuous && format.interfaces.co_simulation {
+        attributes.push(("intermediateUpdate", "true".to_owned()));
     }
     let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable)).collect();
     let is_text = matches!(declaration.kind, Kind::String { .. } | Kind::Binary { .. });

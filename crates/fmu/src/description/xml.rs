@@ -309,10 +309,18 @@ pub(super) fn type_definitions(
     })
 }
 
-pub(super) fn interface(xml: &mut Xml, name: &str, info: &Info, capabilities: &[(&str, bool)]) -> Written {
+/// Writes the element of an interface, with the capabilities that the FMU has and its other attributes.
+pub(super) fn interface(
+    xml: &mut Xml,
+    name: &str,
+    info: &Info,
+    capabilities: &[(&str, bool)],
+    others: &[(&str, &dyn Display)],
+) -> Written {
     let capabilities = capabilities.iter().filter(|(_, has)| *has);
     let mut attributes: Vec<(&str, &dyn Display)> = vec![("modelIdentifier", &info.name)];
     attributes.extend(capabilities.map(|(capability, has)| (*capability, has as &dyn Display)));
+    attributes.extend(others);
     empty(xml, name, &attributes)
 }
 

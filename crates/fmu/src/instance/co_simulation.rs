@@ -19,17 +19,41 @@ impl<M: Model> Instance<M> {
 
     #[inline]
     fn advance(&mut self, time: f64, step: f64, stops_at_events: bool) -> CallResult<bool> {
+        let (span, parts) = self.check_step(time, step, stops_at_events)?;
+        let result = M::step(self.context(), span, parts);
+        self.forget_results();
+        let stopped = match result {
+            Ok(stopped) => stopped,
+            Err(error) => return Err(self.step_failed(time, &error)),
+        };
+        self.clock.time = stopped.unwrap_or(time + step);
+        if M::KIND == ModelKind::Discrete {
+            self.clock.sample += parts;
+        }
+        Ok(stopped.is_some())
+    }
+
+    /// Enters Step Failed.
+    #[cold]
+    pub(super) fn step_failed(&mut self, time: f64, error: &str) -> CallError {
+        self.enter(Mode::StepFailed);
+        let message = format_args!("{error}; the state at {time} s was restored and the instance cannot continue");
+        self.error(Function::DoStep, message)
+    }
+
+    /// Validates a step, and returns it with the number of its parts. Computes the derived parameters, if necessary.
+    /// Always inlined, because a call would take longer than the tests.
+    #[inline(always)]
+    pub(super) fn check_step(&mut self, time: f64, step: f64, stops_at_events: bool) -> CallResult<(Step, u64)> {
         self.check(Function::DoStep)?;
-        let version = self.protocol.version;
-        let rejected =
-            |message: String| Err(CallError::Error(format!("{}: {message}", Function::DoStep.name(version))));
+        let rejected = |message: std::fmt::Arguments<'_>| Err(self.error(Function::DoStep, message));
         let is_length = step > 0.0 && step <= f64::MAX;
         if !is_length {
-            return rejected(format!("communicationStepSize must be finite and above 0, got {step} s"));
+            return rejected(format_args!("communicationStepSize must be finite and above 0, got {step} s"));
         }
         let is_on_time = clock::is_within_tolerance((time - self.clock.time).abs(), time, step);
         if !is_on_time {
-            return rejected(format!(
+            return rejected(format_args!(
                 "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
                  of the step or 4 units in the last place of the time",
                 self.clock.time
@@ -38,45 +62,29 @@ impl<M: Model> Instance<M> {
         let end = time + step;
         let advances = end > time && end > self.clock.time && end <= f64::MAX;
         if !advances {
-            return rejected(format!("a step of {step} s at {time} s does not advance the time"));
+            return rejected(format_args!("a step of {step} s at {time} s does not advance the time"));
         }
         if let Some(stop) = self.clock.stop
             && !clock::is_within_tolerance(end - stop, end, step)
         {
-            return rejected(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
-        }
-        if let Some(message) = self.check_ticks(end, step)? {
-            return rejected(message);
+            return rejected(format_args!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
         let (start, reached, sample) = (self.clock.start, self.clock.time, self.clock.sample);
         let importer_ticks = M::HAS_CLOCKS && self.uses_event_mode;
         let span = Step { start, reached, time, step, sample, stops_at_events, importer_ticks };
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
-            return rejected(format!(
+            return rejected(format_args!(
                 "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
             ));
         }
         if self.derived_are_old {
             self.derive()?;
         }
-        let parts = u64::from(parts as u32); // faster than to u64; fits, because the limit is below 2^32
-        let result = M::step(self.context(), span, parts);
-        self.forget_results();
-        let stopped = match result {
-            Ok(stopped) => stopped,
-            Err(error) => {
-                self.enter(Mode::StepFailed);
-                return rejected(format!(
-                    "{error}; the state at {time} s was restored and the instance cannot continue"
-                ));
-            }
-        };
-        self.clock.time = stopped.unwrap_or(end);
-        if M::KIND == ModelKind::Discrete {
-            self.clock.sample += parts;
+        if let Some(message) = self.check_ticks(end, step)? {
+            return Err(self.error(Function::DoStep, message));
         }
-        Ok(stopped.is_some())
+        Ok((span, u64::from(parts as u32))) // faster than to u64; fits, because the limit is below 2^32
     }
 
     /// fmi3EnterStepMode.

@@ -5,7 +5,7 @@ use fmu_math::sparse::{Structure, groups};
 use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model, Run};
-use crate::variable::Layout;
+use crate::variable::{Layout, Variable};
 
 /// A variable whose derivative is requested.
 #[derive(Clone, Copy)]
@@ -114,6 +114,51 @@ impl<M: Model> Instance<M> {
             }
         }
         result.copy_from_slice(&products);
+        Ok(())
+    }
+
+    /// fmi3GetOutputDerivatives of order 1: the derivatives of outputs with respect to time, for inputs that keep their
+    /// values. Fails if the model is not continuous-time, or if a reference is not a real output. Returns fmi2Discard if
+    /// a derivative is not finite.
+    pub fn output_derivatives(&mut self, references: &[u32], result: &mut [f64]) -> CallResult {
+        let function = Function::GetRealOutputDerivatives;
+        self.check(function)?;
+        if references.is_empty() {
+            return Ok(());
+        }
+        if M::KIND != ModelKind::Continuous {
+            return Err(self.error(function, "not provided: only outputs of continuous-time models have derivatives"));
+        }
+        let layout = self.layout();
+        let is_output = |reference: u32| {
+            let is_public = |variable: &Variable| !variable.declaration.local;
+            let state = layout.states.position(reference).and_then(|_| layout.by_reference(reference));
+            layout.outputs.position(reference).is_some() || state.is_some_and(is_public)
+        };
+        if let Some(&reference) = references.iter().find(|reference| !is_output(**reference)) {
+            let name = self.name_of(reference);
+            let message = format_args!("value reference {reference} ('{name}') must be a continuous output");
+            return Err(self.error(function, message));
+        }
+        let unknowns = self.unknowns(function, references)?;
+        self.refresh(false, false, true)?;
+        let mut direction = self.direction();
+        let states = self.layout().inputs.counts.reals;
+        let slopes = self.layout().derivatives.reals();
+        direction[states..][..slopes.len()].copy_from_slice(&self.values.reals[slopes]);
+        direction[states + self.layout().derivatives.counts.reals] = 1.0;
+        let slopes = self.slopes(&direction)?;
+        for (unknown, &reference) in unknowns.iter().zip(references) {
+            let slope = unknown.of(&direction, &slopes);
+            if !slope.is_finite() {
+                let (name, time) = (self.name_of(reference), self.clock.time);
+                let message = format_args!("the derivative of '{name}' with respect to time is {slope} at {time} s");
+                return Err(self.discard(function, message));
+            }
+        }
+        for (value, unknown) in result.iter_mut().zip(&unknowns) {
+            *value = unknown.of(&direction, &slopes);
+        }
         Ok(())
     }
 

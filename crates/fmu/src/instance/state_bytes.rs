@@ -140,7 +140,8 @@ pub(crate) fn read<M: Model>(
         return Err("the bytes are damaged (checksum)".to_owned());
     }
     let number = u32::from_le_bytes(source.take()?);
-    let mode = Mode::ALL.get(number as usize).copied().filter(|mode| mode.belongs_to(protocol));
+    let is_saved = |mode: &Mode| mode.belongs_to(protocol) && *mode != Mode::IntermediateUpdate;
+    let mode = Mode::ALL.get(number as usize).copied().filter(is_saved);
     let mode = mode.ok_or_else(|| format!("unknown mode {number}"))?;
     if mode == Mode::Event && protocol.interface == Interface::CoSimulation && !M::HAS_EVENTS {
         return Err(format!("a model without events has no {} in co-simulation", mode.name()));

@@ -11,7 +11,9 @@ use fmu_math::sparse::Structure;
 use exchange::{Exchange, Part, Sides};
 use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 
-use super::{Context, Kind, Model, Modes, Run, Step, Update, are_finite, check_discrete, check_reals, layout};
+use super::{
+    Context, Kind, Model, Modes, Progress, Run, Step, Update, are_finite, check_discrete, check_reals, layout,
+};
 use crate::clock::{Clock, slack};
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState, Word, Words};
@@ -117,6 +119,26 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
         all
     }
+
+    /// Advances to the end of a step or, with `PAUSES`, to the next intermediate update. If this fails, restores the
+    /// discrete state from before the step.
+    #[inline]
+    fn advance_or_restore<const PAUSES: bool>(
+        Run { ctx, run, values }: Run<'_, Self>,
+        step: Step,
+        parts: u64,
+        progress: &mut Progress,
+    ) -> Result<Option<f64>, String> {
+        let advance =
+            if is_in_place::<M>() { Self::advance::<InPlace, PAUSES> } else { Self::advance::<OnHeap, PAUSES> };
+        if !Self::HAS_EVENTS {
+            return advance(Run { ctx, run, values }, step, parts, progress);
+        }
+        if progress.events == 0 {
+            run.before_events = None;
+        }
+        advance(Run { ctx, run, values }, step, parts, progress).inspect_err(|_| Self::undo_events(run))
+    }
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
@@ -207,19 +229,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
     }
 
-    fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
-        let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
-        if !Self::HAS_EVENTS {
-            return advance(Run { ctx, run, values }, step, parts);
-        }
-        run.before_events = None;
-        let result = advance(Run { ctx, run, values }, step, parts);
-        if result.is_err()
-            && let Some(discrete) = run.before_events.take()
-        {
-            run.discrete = discrete;
-        }
-        result
+    fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
+        Self::advance_or_restore::<false>(run, step, parts, &mut Progress::new(step))
+    }
+
+    fn step_to_update(
+        run: Run<'_, Self>,
+        step: Step,
+        parts: u64,
+        progress: &mut Progress,
+    ) -> Result<Option<f64>, String> {
+        Self::advance_or_restore::<true>(run, step, parts, progress)
     }
 
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
@@ -275,6 +295,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let time = Dependencies::on(count);
             Self::unknowns(ctx, &run.discrete, &mut values.clone(), time, known)
         })
+    }
+
+    fn undo_events(run: &mut Self::RunnerState) {
+        if let Some(discrete) = run.before_events.take() {
+            run.discrete = discrete;
+        }
     }
 
     fn init_steps(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {

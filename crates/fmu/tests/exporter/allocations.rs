@@ -44,7 +44,7 @@ pub(crate) fn live() -> i64 {
 }
 
 /// Number of allocations in `f`.
-fn allocations(f: impl FnOnce()) -> u64 {
+pub(crate) fn allocations(f: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     f();
     ALLOCATIONS.get() - before

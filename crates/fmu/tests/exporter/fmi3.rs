@@ -75,7 +75,7 @@ impl<E: Export> Drop for Instance<E> {
 }
 
 impl<E: Export> Instance<E> {
-    fn new(make: impl FnOnce(Arguments) -> Component) -> Self {
+    pub(crate) fn new(make: impl FnOnce(Arguments) -> Component) -> Self {
         let messages = Box::new(Messages::default());
         let token = std::ffi::CString::new(E::description().guid.clone()).unwrap();
         let component = make(Arguments {
@@ -92,7 +92,7 @@ impl<E: Export> Instance<E> {
     pub(crate) fn co_simulation(events: bool) -> Self {
         // SAFETY: strings that end with a zero.
         let this = Self::new(|arguments| unsafe {
-            fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), null(), 0)
+            fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), null(), 0, None)
         });
         assert!(!this.component.is_null());
         this
@@ -153,7 +153,7 @@ impl<E: Export> Instance<E> {
     }
 
     /// Returns true if an event has set states, and the time of the next event.
-    fn update(&self) -> (bool, Option<f64>) {
+    pub(crate) fn update(&self) -> (bool, Option<f64>) {
         let (mut flags, mut next) = ([7_u8; 5], f64::NAN);
         let [needs, end, nominals, states, defined] = &mut flags;
         // SAFETY: as above.
@@ -164,7 +164,7 @@ impl<E: Export> Instance<E> {
         (*states == 1, (*defined == 1).then_some(next))
     }
 
-    fn error(&self) -> String {
+    pub(crate) fn error(&self) -> String {
         self.messages.lock().unwrap().pop().expect("an error is logged")
     }
 
@@ -458,7 +458,7 @@ fn missing_capabilities_are_reported() {
     assert!(none.component.is_null());
     assert_eq!(none.error(), "fmi3InstantiateScheduledExecution: this FMU does not provide scheduled execution");
     let none = Instance::<Filter>::new(|arguments| unsafe {
-        fmi3::instantiate_co_simulation::<Filter>(arguments, 1, 1, null(), 0)
+        fmi3::instantiate_co_simulation::<Filter>(arguments, 1, 1, null(), 0, None)
     });
     assert!(none.component.is_null());
     assert_eq!(

@@ -16,6 +16,7 @@ mod exact;
 mod failures;
 mod fmi3;
 mod independence;
+mod intermediate;
 mod minimal;
 mod model_exchange;
 mod models;

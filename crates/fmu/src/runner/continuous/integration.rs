@@ -4,7 +4,9 @@ use std::marker::PhantomData;
 
 use fmu_math::ode;
 
-use super::{Context, ContinuousModel, Run, RunnerState, Step, branches, check_discrete, check_reals, is_stiff};
+use super::{
+    Context, ContinuousModel, Progress, Run, RunnerState, Step, branches, check_discrete, check_reals, is_stiff,
+};
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
 use crate::runner::MOST_PARTS;
 use crate::solver::{Interval, Keep, Problem, Scratch};
@@ -14,8 +16,8 @@ use crate::variables::Variables as _;
 pub(super) const MOST_EVENTS: u32 = 10_000;
 
 /// Takes one solver step from a time and state, with a maximum length in s. Returns the new state and the length.
-type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
-    &mut Integration<'a, M, K>,
+type Advance<'f, 'a, M, K, const PAUSES: bool> = &'f mut dyn FnMut(
+    &mut Integration<'a, M, K, PAUSES>,
     f64,
     &<K as Keep<M>>::State,
     f64,
@@ -42,18 +44,11 @@ pub(super) fn too_many_at(time: f64) -> String {
     format!("more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns")
 }
 
-/// Advances the state over a communication step; `K` stores the states.
-struct Integration<'a, M: Continuous, K> {
+/// Advances the state over a communication step; `K` stores the states. With `PAUSES`, stops after an integrator step.
+struct Integration<'a, M: Continuous, K, const PAUSES: bool> {
     problem: Problem<'a, M>,
     run: &'a mut RunnerState<M::DiscreteState>,
-    /// Time in s that the integration has reached, at which the model is asked for the next time event.
-    reached: f64,
-    events: u32,
-    /// Time of the first event in the step, for a message.
-    first_event: f64,
-    /// Time in s of the last time event that was handled in this step; before the first one, the end of the previous
-    /// step.
-    handled: f64,
+    progress: Progress,
     stops_at_events: bool,
     /// Time in s of the event at which the step stopped.
     stopped: Option<f64>,
@@ -65,7 +60,16 @@ pub(super) const fn has_events<M: Continuous>() -> bool {
     size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
 }
 
-impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
+impl Progress {
+    /// Start, length and end of the rest of a part with this start, length and end.
+    fn rest(&self, (start, h, end): (f64, f64, f64)) -> (f64, f64, f64) {
+        let last = end.min(self.end);
+        let is_whole = self.time <= start && last >= end;
+        (self.time, if is_whole { h } else { last - self.time }, last)
+    }
+}
+
+impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PAUSES> {
     /// The state after a part of the step with length `h` in s, which ends at `end`.
     fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, String> {
         if !has_events::<M>() {
@@ -78,32 +82,22 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
 
     /// The state at `end`, computed by a solver with error control.
     fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, String> {
-        let mut steps = 0_u64;
-        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
-            this.accepted(time, x, limit, tolerance, &mut steps)
-        })
+        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| this.accepted(time, x, limit, tolerance))
     }
 
     /// Takes one step that the error control accepts, at most `limit` s long.
-    fn accepted(
-        &mut self,
-        time: f64,
-        x: &K::State,
-        limit: f64,
-        tolerance: f64,
-        steps: &mut u64,
-    ) -> Result<(K::State, f64), String> {
-        let Self { problem, run, .. } = self;
+    fn accepted(&mut self, time: f64, x: &K::State, limit: f64, tolerance: f64) -> Result<(K::State, f64), String> {
+        let Self { problem, run, progress, .. } = self;
         // The first step is a small part of the limit, but is not lost when it is added to the time.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
         let proposed = if run.proposed > 0.0 { run.proposed } else { first };
         // Avoids leaving a tiny step before the limit.
         let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
         loop {
-            *steps += 1;
+            progress.attempts += 1;
             // A short step up to the limit (the next event, or the end of the step) is not an error.
             let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
-            if *steps as f64 > MOST_PARTS || is_too_short {
+            if progress.attempts as f64 > MOST_PARTS || is_too_short {
                 return Err(format!(
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
                 ));
@@ -132,7 +126,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         mut time: f64,
         mut x: K::State,
         end: f64,
-        advance: Advance<'_, 'a, M, K>,
+        advance: Advance<'_, 'a, M, K, PAUSES>,
     ) -> Result<K::State, String> {
         if !has_events::<M>() {
             while time < end {
@@ -140,27 +134,38 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 let (after, h) = advance(self, time, &x, limit)?;
                 time = if h >= limit { end } else { time + h };
                 self.replace(&mut x, after);
+                if PAUSES {
+                    break;
+                }
+            }
+            if PAUSES {
+                self.progress.time = time;
             }
             return Ok(x);
         }
         self.changed_by_inputs(time, &mut x)?;
+        let mut has_advanced = false;
         loop {
             let next = K::show(&x, |x| {
-                let at = self.problem.at(self.reached, x, &self.run.discrete);
+                let at = self.problem.at(self.progress.reached, x, &self.run.discrete);
                 next_time_event(self.problem.model, at)
             })?;
             let due = next.filter(|next| *next <= end);
             // An event is due if it is not after the start of this step or the end of the previous step, which differ
             // by rounding errors.
-            if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
-                self.reached = due;
-                self.handled = due;
+            if let Some(due) = due.filter(|due| *due <= time.max(self.progress.reached)) {
+                self.progress.reached = due;
+                self.progress.handled = due;
                 self.event(time, &mut x, &[], &[], true)?;
                 continue;
             }
-            if time >= end {
+            if time >= end || (PAUSES && has_advanced) {
+                if PAUSES {
+                    self.progress.time = time;
+                }
                 return Ok(x);
             }
+            has_advanced = true;
             let target = due.unwrap_or(end);
             let limit = target - time;
             let (after, h) = advance(self, time, &x, limit)?;
@@ -171,9 +176,12 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             // Rounding of `limit` must not move the time past the time event.
             let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
             time = if is_at_limit { target } else { at };
-            self.reached = self.reached.max(time);
+            self.progress.reached = self.progress.reached.max(time);
             if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
                 self.stopped = Some(time);
+                if PAUSES {
+                    self.progress.time = time;
+                }
                 self.replace(&mut x, after);
                 if let Some((_, state, _)) = found {
                     self.replace(&mut x, state);
@@ -193,7 +201,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 }
             }
             if is_at_limit && due.is_some() {
-                self.handled = time;
+                self.progress.handled = time;
                 self.event(time, &mut x, &[], &[], true)?;
             }
         }
@@ -299,18 +307,19 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         after: &[f64],
         is_timed: bool,
     ) -> Result<(), String> {
-        if self.events == 0 {
-            self.first_event = time;
+        let Progress { events, first_event, .. } = &mut self.progress;
+        if *events == 0 {
+            *first_event = time;
             self.run.before_events = Some(self.run.discrete.clone());
         }
-        self.events += 1;
-        if self.events > MOST_EVENTS && is_timed && time <= self.first_event {
+        *events += 1;
+        if *events > MOST_EVENTS && is_timed && time <= *first_event {
             return Err(too_many_at(time));
         }
-        if self.events > MOST_EVENTS {
+        if *events > MOST_EVENTS {
             return Err(format!(
-                "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
-                self.first_event
+                "more than {MOST_EVENTS} events between {first_event} s and {time} s; let the model come to rest, or use \
+                 shorter steps"
             ));
         }
         let Self { problem: Problem { model, inputs, derived }, run, .. } = self;
@@ -338,12 +347,14 @@ impl<M: Continuous> Crossings<M> {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// Advances the states. If this fails, the values are unchanged; the discrete state may have changed.
+    /// Advances the states from `progress` to the end of the step or, with `PAUSES`, over one integrator step. If this
+    /// fails, the values are unchanged; the discrete state may have changed.
     #[inline]
-    pub(super) fn advance<K: Keep<M>>(
+    pub(super) fn advance<K: Keep<M>, const PAUSES: bool>(
         Run { ctx, run, values }: Run<'_, Self>,
         step: Step,
         parts: u64,
+        progress: &mut Progress,
     ) -> Result<Option<f64>, String> {
         let Context { p, derived, layout, .. } = ctx;
         if run.scratch.is_missing::<M>() {
@@ -359,34 +370,44 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let before = K::load(values.view(), layout.states.at, &mut run.scratch);
         let mut x = K::load(values.view(), layout.states.at, &mut run.scratch);
         let problem = Problem { model: p, inputs: &u, derived };
-        let end = step.time + step.step;
-        let mut integration = Integration::<M, K> {
+        let start = *progress;
+        let mut integration = Integration::<M, K, PAUSES> {
             problem,
             run,
-            reached: step.reached,
-            events: 0,
-            first_event: 0.0,
-            handled: step.reached,
+            progress: start,
             stops_at_events: step.stops_at_events,
             stopped: None,
             keeping: PhantomData,
         };
         if has_error_control(M::SOLVER) {
             let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
-            x = integration.controlled(step.time, x, end, tolerance)?;
+            x = integration.controlled(start.time, x, start.end, tolerance)?;
         } else {
             let h = step.step / parts as f64;
-            for part in 0..parts {
+            for part in start.part..parts {
                 // Each part ends exactly where the next part starts; no time event can be between them.
-                let start = |part: u64| step.time + part as f64 * h;
-                let end = if part + 1 == parts { end } else { start(part + 1) };
-                x = integration.part(start(part), x, h, end)?;
+                let start_of = |part: u64| step.time + part as f64 * h;
+                let part_end = if part + 1 == parts { step.time + step.step } else { start_of(part + 1) };
+                let whole = (start_of(part), h, part_end);
+                let (time, length, end) = if PAUSES { start.rest(whole) } else { whole };
+                x = integration.part(time, x, length, end)?;
+                if PAUSES {
+                    if !has_events::<M>() {
+                        integration.progress.time = end;
+                    }
+                    integration.progress.part += u64::from(integration.progress.time >= part_end);
+                    break;
+                }
                 if has_events::<M>() && integration.stopped.is_some() {
                     break;
                 }
             }
         }
-        let (stopped, handled) = (integration.stopped, integration.handled);
+        let Integration { stopped, progress: Progress { time, handled, .. }, .. } = integration;
+        let end = if PAUSES { time } else { step.time + step.step };
+        if PAUSES {
+            *progress = integration.progress;
+        }
         if has_events::<M>()
             && let Some(exchange) = &mut run.exchange
         {
