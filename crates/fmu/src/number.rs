@@ -1,6 +1,5 @@
 //! Numeric types of variables other than `f64`. A value is stored in a word of 64 bits.
 
-use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 /// A number of any integer type as text. Formatting `i128` itself needs code that a library does not contain otherwise.
@@ -21,13 +20,15 @@ pub(crate) const fn is_finite_f32(word: u64) -> bool {
 }
 
 /// A number that is stored in a word. Signed integers are sign-extended; an `f32` is stored as its bits.
-pub trait Number: Copy + Display {
+pub trait Number: Copy {
     /// Number of bits and sign of an integer; `None` for `f32`.
     const SIZE: Option<Size>;
     /// The number in a word.
     fn of(word: u64) -> Self;
     /// The word of the number.
     fn word(self) -> u64;
+    /// The number as text. Formatting `f32` itself needs code that a library does not contain otherwise.
+    fn text(self) -> String;
 }
 
 impl Number for f32 {
@@ -39,6 +40,9 @@ impl Number for f32 {
     #[inline]
     fn word(self) -> u64 {
         self.to_bits().into()
+    }
+    fn text(self) -> String {
+        f64::from(self).to_string()
     }
 }
 
@@ -75,6 +79,9 @@ macro_rules! integers {
             #[inline]
             fn word(self) -> u64 {
                 self as u64
+            }
+            fn text(self) -> String {
+                text(self.into())
             }
         })*
     };

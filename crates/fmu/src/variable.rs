@@ -584,7 +584,7 @@ impl Kind {
     pub(crate) fn text(&self, word: u64) -> String {
         match self {
             Self::Integer { size, .. } => number::text(size.value(word)),
-            _ => f32::of(word).to_string(),
+            _ => f32::of(word).text(),
         }
     }
     /// Memory for a Binary, with its start value.

@@ -26,10 +26,15 @@ fn word_rule<V: Number>(variable: &Variable, value: V) -> Result<(), String> {
         (Kind::Integer { size, .. }, Some(given)) => size.value(word) == given.value(word),
         _ => true,
     };
-    if is_same && variable.accepts(word) {
-        return Ok(());
-    }
-    let expected = match kind {
+    if is_same && variable.accepts(word) { Ok(()) } else { Err(word_error(variable, &value.text())) }
+}
+
+/// The message for a number that a variable cannot have. Not generic, because a library would contain a copy for each
+/// type.
+#[cold]
+#[inline(never)]
+fn word_error(variable: &Variable, value: &str) -> String {
+    let expected = match &variable.declaration.kind {
         Kind::Integer { items, .. } if !items.is_empty() => {
             let names: Vec<_> = items.iter().map(|item| format!("{} ({})", item.value, item.name)).collect();
             names.join(" or ")
@@ -44,7 +49,7 @@ fn word_rule<V: Number>(variable: &Variable, value: V) -> Result<(), String> {
         }
         _ => "a finite Float32".to_owned(),
     };
-    Err(format!("must be {expected}, got {value}"))
+    format!("must be {expected}, got {value}")
 }
 
 impl<M: Model> Instance<M> {
@@ -112,7 +117,7 @@ impl<M: Model> Instance<M> {
             return Ok(f32::of(word));
         }
         let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
-        let (value, time) = (f32::of(word), self.clock.time);
+        let (value, time) = (f64::from(f32::of(word)), self.clock.time);
         Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")))
     }
 
