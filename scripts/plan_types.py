@@ -79,7 +79,7 @@ class Types:
         if "const" in part:
             return f"Literal[{part['const']!r}]"
         if alternatives := part.get("anyOf") or part.get("oneOf"):
-            found = " | ".join(self._of(alternative, name) for alternative in alternatives)
+            found = " | ".join(dict.fromkeys(self._of(alternative, name) for alternative in alternatives))
             return found.replace("] | Literal[", ", ")
         if isinstance(part["type"], list):
             return " | ".join(self._of(part | {"type": kind}, name) for kind in part["type"])

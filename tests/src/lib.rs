@@ -325,7 +325,7 @@ impl Fmu {
                     ok(instance.get_boolean(&reference, &mut whole));
                     values.push(f64::from(whole[0]));
                 }
-                BaseType::String => {}
+                BaseType::String | BaseType::Binary => {}
             }
         }
         values

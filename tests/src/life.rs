@@ -45,6 +45,7 @@ pub fn life(fmu: &Fmu) {
             BaseType::Integer => ok(instance.get_integer(&reference, &mut [0])),
             BaseType::Boolean => ok(instance.get_boolean(&reference, &mut [0])),
             BaseType::String => drop(ok(instance.get_string(&reference))),
+            BaseType::Binary => drop(ok(instance.get_binary(&reference))),
             BaseType::Real => {}
         }
     }

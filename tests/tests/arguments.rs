@@ -123,7 +123,7 @@ fn numbers_outside_their_limits_are_rejected() {
                         integers_checked += 1;
                     }
                 }
-                BaseType::Boolean | BaseType::String => {}
+                BaseType::Boolean | BaseType::String | BaseType::Binary => {}
             }
         }
     }
@@ -137,7 +137,7 @@ fn set_start(instance: &mut Instance, variable: &Variable) -> Rejected {
         Some(Value::Real(value)) => instance.set_real(&reference, &[*value]),
         Some(Value::Integer(value)) => instance.set_integer(&reference, &[i32::try_from(*value).unwrap()]),
         Some(Value::Boolean(value)) => instance.set_boolean(&reference, &[i32::from(*value)]),
-        Some(Value::String(value)) => instance.set_string(&reference, &[value]),
+        Some(value) => instance.set_value(variable.reference, value),
         None => instance.set_real(&reference, &[0.0]),
     }
 }
@@ -198,6 +198,15 @@ fn start_values_are_those_of_the_description() {
                 }
                 Some(Value::String(value)) => {
                     assert_eq!(&ok(instance.get_string(&reference))[0], value, "{}: {}", fmu.name, variable.name);
+                }
+                Some(value) => {
+                    assert_eq!(
+                        ok(instance.get_values(variable)),
+                        std::slice::from_ref(value),
+                        "{}: {}",
+                        fmu.name,
+                        variable.name
+                    );
                 }
                 None => {}
             }

@@ -119,6 +119,7 @@ fn others(fmu: &Fmu, instance: &mut Instance, variable: &Variable) -> Vec<Settin
         BaseType::String => {
             vec![Text(name, if fmu.name == "Road" { "Road_other.csv" } else { "Driver_other.csv" })]
         }
+        BaseType::Binary => Vec::new(),
     }
 }
 

@@ -18,7 +18,6 @@ pub(crate) fn start(variable: &Variable) -> String {
     if variable.starts.len() > SHOWN {
         starts.push("...".to_owned());
     }
-    starts.extend(variable.other_start.clone());
     starts.join(" ")
 }
 

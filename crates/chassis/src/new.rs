@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use fmu_import::bytes::BinaryText;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::names::{any_of, suggestion};
 use fmu_system::resolve::{Descriptions, FmuFolder, Options, resolve_text};
@@ -236,6 +237,8 @@ fn constant(input: &Variable) -> String {
         Some(Value::Integer(value)) => value.to_string(),
         Some(Value::Boolean(value)) => value.to_string(),
         Some(Value::String(value)) => format!("{value:?}"),
+        Some(value @ Value::Unsigned(_)) => format!("{:?}", value.text()),
+        Some(Value::Binary { hex }) => format!("{:?}", BinaryText::Base64.encode(hex)),
         None if input.base_type == BaseType::Boolean => "false".to_owned(),
         None => "0.0".to_owned(),
     }

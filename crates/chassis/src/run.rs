@@ -310,9 +310,14 @@ fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
     let recorded =
         || plan.columns.iter().zip(&run.columns).filter(|(_, slot)| slot.is_some()).map(|(column, _)| column);
     let names: Vec<&str> = recorded().map(|column| column.name.as_str()).collect();
-    let (time, found) = results::read_csv(path, &names).map_err(|error| error.to_string())?;
+    let binaries: Vec<&str> = recorded().filter(|column| column.is_binary).map(|column| column.name.as_str()).collect();
+    let numbers: Vec<&str> = names.iter().copied().filter(|name| !binaries.contains(name)).collect();
+    let (time, found) = results::read_csv(path, &numbers).map_err(|error| error.to_string())?;
+    let mut exact =
+        results::read_exact(path, &binaries, run.binary.unwrap_or_default()).map_err(|error| error.to_string())?;
     let rows = usize::try_from(plan.simulation.steps / plan.simulation.every + 1).unwrap_or(usize::MAX);
-    if let Some((name, _)) = names.iter().zip(&found).find(|(_, values)| values.is_none()) {
+    let missing = numbers.iter().zip(&found).find(|(_, values)| values.is_none()).map(|(name, _)| name);
+    if let Some(name) = missing.or_else(|| binaries.iter().find(|name| !exact.contains_key(**name))) {
         return Err(format!("{file} has no column {name}"));
     }
     if time.len() != rows {
@@ -322,8 +327,13 @@ fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
         return Err(format!("{file} contains a value that is not finite"));
     }
     let mut found = found.into_iter();
-    let columns = run.columns.iter().map(|slot| slot.and_then(|_| found.next().flatten())).collect();
-    Ok(Recording { time, columns, messages: Vec::new(), seconds: 0.0 })
+    let columns = run.columns.iter().zip(&plan.columns).map(|(slot, column)| match slot {
+        Some(_) if column.is_binary => Some(vec![0.0; time.len()]),
+        _ => slot.and_then(|_| found.next().flatten()),
+    });
+    let columns = columns.collect();
+    let of_plan = plan.columns.iter().enumerate().filter_map(|(at, column)| Some((at, exact.remove(&column.name)?)));
+    Ok(Recording { time, columns, exact: of_plan.collect(), messages: Vec::new(), seconds: 0.0 })
 }
 
 fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<RunStatuses> {

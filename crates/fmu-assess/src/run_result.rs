@@ -165,6 +165,7 @@ fn shown_time(time: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::wiring::Driving;
+    use std::collections::BTreeMap;
 
     /// A signal: name, value, and the row at which it changes to another value.
     type Signal = (&'static str, f64, Option<(usize, f64)>);
@@ -179,6 +180,7 @@ mod tests {
         let recording = Recording {
             time: (0..rows).map(|row| row as f64 * STEP).collect(),
             columns: signals.iter().map(|(_, before, change)| column(*before, *change)).collect(),
+            exact: BTreeMap::new(),
             messages: Vec::new(),
             seconds: 0.0,
         };
@@ -268,6 +270,7 @@ mod tests {
         let recording = Recording {
             time: (0..rows).map(|row| f64::from(row) * STEP).collect(),
             columns: vec![Some(vec![0.0; x.len()]), Some(vec![1.5; x.len()]), Some(vec![0.0; x.len()]), Some(x)],
+            exact: BTreeMap::new(),
             messages: Vec::new(),
             seconds: 0.0,
         };

@@ -101,6 +101,7 @@ impl Wiring<'_> {
             (None, _, Some(Value::Real(start))) => format!("{start:?}"),
             (None, _, Some(Value::Integer(start))) => start.to_string(),
             (None, _, Some(Value::Boolean(start))) => start.to_string(),
+            (None, _, Some(start @ Value::Unsigned(_))) => format!("{:?}", start.text()),
             (None, _, _) => "0.0".to_owned(),
         };
         let text = if fallback.is_none() { format!("{value} (start value)") } else { value.clone() };

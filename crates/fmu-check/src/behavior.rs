@@ -79,7 +79,7 @@ pub(super) fn check(
     };
     let is_observed = |variable: &Variable| {
         variable.causality == Causality::Output
-            && variable.base_type != BaseType::String
+            && variable.base_type.is_number()
             && variable.alias_of.is_none()
             && !values::is_wide(variable)
     };
@@ -349,8 +349,9 @@ impl Trial<'_> {
                 outputs.push(match value {
                     Value::Real(value) => value,
                     Value::Integer(value) => value as f64,
+                    Value::Unsigned(value) => value as f64,
                     Value::Boolean(value) => f64::from(u8::from(value)),
-                    Value::String(_) => continue,
+                    Value::String(_) | Value::Binary { .. } => continue,
                 });
             }
         }
@@ -449,10 +450,9 @@ fn instantiation(
     true
 }
 
-/// True for a scalar that is not an alias and has no start value beyond the range of [`Value`]. The trials vary such
-/// variables one by one.
+/// True for a scalar that is not an alias. The trials vary such variables one by one.
 fn is_plain(variable: &Variable) -> bool {
-    !variable.is_array() && variable.alias_of.is_none() && variable.other_start.is_none()
+    !variable.is_array() && variable.alias_of.is_none()
 }
 
 /// True for two derivatives that differ by rounding errors only.

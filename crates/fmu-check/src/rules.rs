@@ -241,10 +241,10 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     let number = |start: &Value| match start {
         Value::Real(start) => Some(*start),
         Value::Integer(start) => Some(*start as f64),
+        Value::Unsigned(start) => Some(*start as f64),
         _ => None,
     };
-    let written = variable.other_start.as_ref().filter(|_| !variable.is_array()).and_then(|text| text.parse().ok());
-    let starts = variable.start.iter().chain(&variable.starts).filter_map(number).chain(written);
+    let starts = variable.start.iter().chain(&variable.starts).filter_map(number);
     for start in starts {
         if !start.is_finite() {
             error(format!("its start value {start} is not a finite number"));

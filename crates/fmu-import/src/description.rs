@@ -8,6 +8,7 @@ mod elements;
 mod interface;
 mod read;
 
+use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 pub use crate::xml::XmlError;
 pub use elements::ArrayElement;
@@ -15,6 +16,11 @@ pub use interface::{Capabilities, FmiVersion, Interface};
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
+
+/// MIME type of a Binary that declares none (FMI 3.0.2, section 2.4.7.1).
+const OCTET_STREAM: &str = "application/octet-stream";
+/// Number of bytes of a Binary that messages show.
+const SHOWN: usize = 16;
 
 /// Contents of `modelDescription.xml`.
 #[derive(Debug, Clone)]
@@ -53,9 +59,9 @@ pub struct ModelDescription {
     pub log_categories: Vec<String>,
     /// Default experiment; empty if not declared.
     pub default_experiment: DefaultExperiment,
-    /// Variables in document order, except Binary and Clock variables. An alias follows its variable.
+    /// Variables in document order, except Clocks. An alias follows its variable.
     pub variables: Vec<Variable>,
-    /// Binary and Clock variables (FMI 3.0), whose values this crate neither reads nor sets.
+    /// Clocks (FMI 3.0), whose values this crate neither reads nor sets.
     pub opaque_variables: Vec<OpaqueVariable>,
     /// Outputs in the model structure.
     pub outputs: Vec<Unknown>,
@@ -180,6 +186,15 @@ pub enum BaseType {
     Boolean,
     /// A String.
     String,
+    /// Bytes (FMI 3.0).
+    Binary,
+}
+
+impl BaseType {
+    /// Returns true for the types that a master records as numbers: Real, Integer and Boolean.
+    pub fn is_number(self) -> bool {
+        matches!(self, Self::Real | Self::Integer | Self::Boolean)
+    }
 }
 
 /// Type of a variable in FMI 3.0. In FMI 2.0, a Real is a Float64 and an Integer is an Int32.
@@ -204,14 +219,40 @@ pub enum DataType {
 }
 
 impl DataType {
-    /// The base type; `None` for a Binary or a Clock.
+    /// The base type; `None` for a Clock.
     pub fn base_type(self) -> Option<BaseType> {
         match self {
             Self::Float32 | Self::Float64 => Some(BaseType::Real),
             Self::Boolean => Some(BaseType::Boolean),
             Self::String => Some(BaseType::String),
-            Self::Binary | Self::Clock => None,
+            Self::Binary => Some(BaseType::Binary),
+            Self::Clock => None,
             _ => Some(BaseType::Integer),
+        }
+    }
+
+    /// The range of an integer type or enumeration.
+    pub fn integers(self) -> Option<RangeInclusive<i128>> {
+        Some(match self {
+            Self::Int8 => i8::MIN.into()..=i8::MAX.into(),
+            Self::UInt8 => 0..=u8::MAX.into(),
+            Self::Int16 => i16::MIN.into()..=i16::MAX.into(),
+            Self::UInt16 => 0..=u16::MAX.into(),
+            // The items of an enumeration have 32 bits.
+            Self::Int32 | Self::Enumeration => i32::MIN.into()..=i32::MAX.into(),
+            Self::UInt32 => 0..=u32::MAX.into(),
+            Self::Int64 => i64::MIN.into()..=i64::MAX.into(),
+            Self::UInt64 => 0..=u64::MAX.into(),
+            _ => return None,
+        })
+    }
+
+    /// Returns true if every value of this type is a value of `other` without rounding. Enumerations have the range of
+    /// an Int32.
+    pub fn widens_to(self, other: Self) -> bool {
+        match (self.integers(), other.integers()) {
+            (Some(own), Some(other)) => other.contains(own.start()) && other.contains(own.end()),
+            _ => self == other || (self, other) == (Self::Float32, Self::Float64),
         }
     }
 }
@@ -236,28 +277,58 @@ impl std::fmt::Display for BaseType {
 pub enum Value {
     /// An Integer, or the value of an enumeration; 32 bits in FMI 2.0.
     Integer(i64),
+    /// An Integer above the range of an `i64`, which only a UInt64 can have.
+    Unsigned(u64),
     /// A Real.
     Real(f64),
     /// A Boolean.
     Boolean(bool),
     /// A String.
     String(String),
+    /// The bytes of a Binary.
+    #[schemars(title = "Bytes")]
+    Binary {
+        /// In JSON, two hexadecimal digits for each byte.
+        #[serde(with = "crate::bytes::hex")]
+        #[schemars(with = "String")]
+        hex: Vec<u8>,
+    },
 }
 
 impl Value {
+    /// The value of an Integer; `None` outside of the ranges of all types.
+    pub fn integer(value: i128) -> Option<Self> {
+        let unsigned = || value.try_into().ok().map(Self::Unsigned);
+        value.try_into().ok().map(Self::Integer).or_else(unsigned)
+    }
+
+    /// The Integer; `None` for other types.
+    pub fn whole(&self) -> Option<i128> {
+        match self {
+            Self::Integer(value) => Some((*value).into()),
+            Self::Unsigned(value) => Some((*value).into()),
+            _ => None,
+        }
+    }
+
     /// Base type of the value.
     pub fn base_type(&self) -> BaseType {
         match self {
             Self::Real(_) => BaseType::Real,
-            Self::Integer(_) => BaseType::Integer,
+            Self::Integer(_) | Self::Unsigned(_) => BaseType::Integer,
             Self::Boolean(_) => BaseType::Boolean,
             Self::String(_) => BaseType::String,
+            Self::Binary { .. } => BaseType::Binary,
         }
     }
 
-    /// The value as in XML and on the command line: a String has no quotes.
+    /// The value as in XML and on the command line: a String has no quotes, a Binary has hexadecimal digits.
     pub fn text(&self) -> String {
-        if let Self::String(text) = self { text.clone() } else { self.to_string() }
+        match self {
+            Self::String(text) => text.clone(),
+            Self::Binary { hex } => BinaryText::Hex.encode(hex),
+            other => other.to_string(),
+        }
     }
 }
 
@@ -266,8 +337,11 @@ impl std::fmt::Display for Value {
         match self {
             Self::Real(v) => write!(f, "{v:?}"),
             Self::Integer(v) => write!(f, "{v}"),
+            Self::Unsigned(v) => write!(f, "{v}"),
             Self::Boolean(v) => write!(f, "{v}"),
             Self::String(v) => write!(f, "{v:?}"),
+            Self::Binary { hex } if hex.len() <= SHOWN => write!(f, "0x{}", BinaryText::Hex.encode(hex)),
+            Self::Binary { hex } => write!(f, "0x{}... ({} bytes)", BinaryText::Hex.encode(&hex[..SHOWN]), hex.len()),
         }
     }
 }
@@ -298,12 +372,14 @@ pub struct Variable {
     pub lengths: Vec<usize>,
     /// Number of elements: the product of the lengths, 1 for a scalar.
     pub size: usize,
-    /// Start value of a scalar, if a [`Value`] can represent it.
+    /// Start value of a scalar.
     pub start: Option<Value>,
     /// Start values of an array, one per element; empty if there are none.
     pub starts: Vec<Value>,
-    /// Start value as written, if a [`Value`] cannot represent it: a `UInt64` above the range of an `Int64`.
-    pub other_start: Option<String>,
+    /// Type of the content of a Binary, `application/octet-stream` unless declared.
+    pub mime_type: Option<String>,
+    /// Maximum size of a Binary, bytes.
+    pub max_size: Option<usize>,
     /// Smallest value of a Real, Integer or enumeration.
     pub min: Option<f64>,
     /// Largest value of a Real, Integer or enumeration.
@@ -342,14 +418,14 @@ pub enum Dimension {
     Parameter(usize),
 }
 
-/// A variable of the type Binary or Clock.
+/// A variable of the type Clock.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OpaqueVariable {
     /// Unique name.
     pub name: String,
     /// Value reference.
     pub reference: Reference,
-    /// Binary or Clock.
+    /// Clock.
     pub data_type: DataType,
     /// Role.
     pub causality: Causality,
@@ -382,28 +458,24 @@ impl Variable {
         (0..self.size).map(name).collect()
     }
 
-    /// For an Integer, the range of its type. For `UInt64`, the range ends at the largest `Int64`.
-    pub fn integers(&self) -> RangeInclusive<i64> {
-        match self.data_type {
-            DataType::Int8 => i8::MIN.into()..=i8::MAX.into(),
-            DataType::UInt8 => 0..=u8::MAX.into(),
-            DataType::Int16 => i16::MIN.into()..=i16::MAX.into(),
-            DataType::UInt16 => 0..=u16::MAX.into(),
-            DataType::UInt32 => 0..=u32::MAX.into(),
-            DataType::Int64 => i64::MIN..=i64::MAX,
-            DataType::UInt64 => 0..=i64::MAX,
-            // This includes enumerations.
-            _ => i32::MIN.into()..=i32::MAX.into(),
-        }
+    /// The range of the type of an Integer or enumeration.
+    pub fn integers(&self) -> RangeInclusive<i128> {
+        self.data_type.integers().unwrap_or(i32::MIN.into()..=i32::MAX.into())
+    }
+
+    /// The type of the content of a Binary.
+    pub fn mime_type(&self) -> &str {
+        self.mime_type.as_deref().unwrap_or(OCTET_STREAM)
     }
 
     /// Returns true if the description has a start value.
     pub fn has_start(&self) -> bool {
-        self.start.is_some() || !self.starts.is_empty() || self.other_start.is_some()
+        self.start.is_some() || !self.starts.is_empty()
     }
 
-    /// Returns `None` if this output can be connected to the input, otherwise their differing properties. The base
-    /// types must be equal, as must the units if both have one.
+    /// Returns `None` if this output can be connected to the input, otherwise their differing properties. The type of
+    /// the input must have all values of the type of the output ([`DataType::widens_to`]). The units must be equal if
+    /// both have one, as must the MIME types of Binaries, unless one is `application/octet-stream`.
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
         if self.is_array() || input.is_array() {
             let shape = |variable: &Self| match variable.is_array() {
@@ -414,6 +486,13 @@ impl Variable {
         }
         if self.base_type != input.base_type {
             return Some([self, input].map(|variable| variable.base_type.to_string()));
+        }
+        if !self.data_type.widens_to(input.data_type) {
+            return Some([self, input].map(|variable| variable.data_type.to_string()));
+        }
+        let types = [self, input].map(Self::mime_type);
+        if self.base_type == BaseType::Binary && types[0] != types[1] && !types.contains(&OCTET_STREAM) {
+            return Some(types.map(|mime_type| format!("a Binary of the MIME type {mime_type}")));
         }
         match (&self.unit, &input.unit) {
             (Some(from), Some(to)) if from != to => Some([from, to].map(|unit| format!("in {unit}"))),

@@ -10,6 +10,7 @@
 //!   files.
 
 pub mod archive;
+pub mod bytes;
 pub mod c_api;
 pub mod description;
 pub mod fmu;

@@ -7,6 +7,8 @@ use std::path::Path;
 pub const TEXT_FILE: u64 = 4_000_000;
 /// Maximum size of a CSV file of input signals, in bytes.
 pub const INPUT_FILE: u64 = 256_000_000;
+/// Maximum size of a file with the value of a Binary, in bytes. The plan contains the value.
+pub const BINARY_FILE: u64 = 16_000_000;
 /// Maximum length of a line in these files, in bytes.
 pub const LINE: usize = 100_000;
 /// Maximum number of steps in a run.

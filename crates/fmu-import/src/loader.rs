@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 mod array_values;
+mod binary;
 mod callbacks;
 pub mod calls;
 pub mod description_options;

@@ -2,8 +2,9 @@
 //!
 //! Source: System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues); 2.0 adds the types of
 //! FMI 3.0. A value without a unit is in the unit of the variable. Enumerations, and Integers with named values, can be
-//! given by name. Binary values are not read, because scenarios cannot set them.
+//! given by name. The bytes of a Binary are hexadecimal digits.
 
+use crate::bytes::BinaryText;
 use crate::description::{BaseType, BaseUnit, Unit, Value};
 use crate::limits;
 use crate::xml::{self, Element, XmlError};
@@ -165,14 +166,20 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         // XML Schema also allows INF and NaN, but parameters must be finite.
         "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
-            typed.parsed("value", "a whole number of 64 bits")?.map(Value::Integer)
+            typed.parsed("value", "a whole number of 64 bits")?.and_then(Value::integer)
         }
         "Boolean" => typed.boolean("value")?.map(Value::Boolean),
         "String" | "Enumeration" => Some(Value::String(typed.required("value")?.to_string())),
+        "Binary" => {
+            let bytes = BinaryText::Hex.decode(typed.required("value")?.trim());
+            let message =
+                || format!("the value of the parameter `{name}` is not a list of hexadecimal digits in pairs");
+            Some(Value::Binary { hex: bytes.ok_or_else(|| typed.place.error(message()))? })
+        }
         other => {
             return Err(typed.place.error(format!(
-                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String, Enumeration, or \
-                 Float64, Int32 and the like"
+                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String, Enumeration, \
+                 Binary, or Float64, Int32 and the like"
             )));
         }
     };
@@ -208,6 +215,8 @@ mod tests {
                 parameter("roll:mode", Value::Integer(-3), None),
                 parameter("roll:on", Value::Boolean(true), None),
                 parameter("roll:file", Value::String("a & \"b\"".into()), None),
+                parameter("roll:id", Value::Unsigned(u64::MAX), None),
+                parameter("roll:frame", Value::Binary { hex: vec![0, 0xff] }, None),
             ],
         };
         let units = [unit("rad/s2", [0, 0, -2, 0, 0, 0, 0, 1], 1.0), unit("km", [0, 1, 0, 0, 0, 0, 0, 0], 1000.0)];
@@ -222,6 +231,7 @@ mod tests {
         assert!(text.contains("version=\"2.0\""), "{text}");
         assert!(text.contains("<ssv:Float64 value=\"0.30000000000000004\" unit=\"rad/s2\"/>"), "{text}");
         assert!(text.contains("<ssv:Int8 value=\"-3\"/>"), "{text}");
+        assert!(text.contains("<ssv:Binary value=\"00ff\"/>"), "{text}");
         let text = set.to_xml(&units).unwrap();
         assert_eq!(ParameterSet::parse(&text).unwrap(), set);
         assert!(text.contains("version=\"1.0\""), "{text}");
@@ -262,7 +272,8 @@ mod tests {
             ("<ParameterSet version=\"1.0\" name=\"a\"/>".to_string(), "lacks <ssv:Parameters>"),
             (around("<s:Parameter name=\"x\"/>"), "line 2, column 1: the parameter `x` has no value"),
             (around("<s:Parameter/>"), "lacks the attribute `name`"),
-            (around("<s:Parameter name=\"x\"><s:Binary value=\"00\"/></s:Parameter>"), "given as <Binary>"),
+            (around("<s:Parameter name=\"x\"><s:Clock value=\"00\"/></s:Parameter>"), "given as <Clock>"),
+            (around("<s:Parameter name=\"x\"><s:Binary value=\"0\"/></s:Parameter>"), "not a list of hexadecimal"),
             (real("value=\"abc\""), "expected a number"),
             (real("value=\"nan\""), "no finite value"),
             (real(""), "no finite value"),

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 pub(crate) struct Signature {
     pub(crate) fmi: FmiVersion,
     pub(crate) interface: Interface,
-    /// Variables that are arrays or have types other than Float64, Int32, Boolean and String.
+    /// Variables that are arrays or have types other than Float64, Int32, Boolean, String and Binary.
     special: HashMap<Reference, Special>,
     /// Start values of the arrays whose elements are variables, by the reference of the array.
     starts: HashMap<Reference, Vec<Value>>,
@@ -39,7 +39,7 @@ impl Signature {
                 let is_plain = match variable.base_type {
                     BaseType::Real => variable.data_type == DataType::Float64,
                     BaseType::Integer => variable.data_type == DataType::Int32,
-                    BaseType::Boolean | BaseType::String => true,
+                    BaseType::Boolean | BaseType::String | BaseType::Binary => true,
                 };
                 if !is_plain || variable.is_array() {
                     let entry = Special { data_type: variable.data_type, size: variable.size, element: None };

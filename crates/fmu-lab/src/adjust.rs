@@ -18,7 +18,7 @@ pub(crate) fn of_run(run: &Run, fmus: &Fmus) -> Vec<Adjustable> {
 }
 
 fn of_component(component: &Component, description: &ModelDescription) -> Vec<Adjustable> {
-    let is_number = |variable: &&Variable| !variable.is_array() && variable.base_type != BaseType::String;
+    let is_number = |variable: &&Variable| !variable.is_array() && variable.base_type.is_number();
     let tunable = description.variables.iter().filter(is_number).filter(|variable| {
         variable.causality == Causality::Parameter
             && variable.variability == Variability::Tunable
@@ -79,8 +79,9 @@ fn adjustable(
     let number = |value: &Value| match value {
         Value::Real(value) => *value,
         Value::Integer(value) => *value as f64,
+        Value::Unsigned(value) => *value as f64,
         Value::Boolean(value) => f64::from(u8::from(*value)),
-        Value::String(_) => 0.0,
+        Value::String(_) | Value::Binary { .. } => 0.0,
     };
     let value =
         set.map(|setting| number(&setting.value)).or_else(|| variable.start.as_ref().map(number)).unwrap_or(0.0);

@@ -2,7 +2,7 @@
 
 use crate::fmus::Fmus;
 use crate::requests::{Column, Display};
-use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
+use fmu_import::description::{Causality, ModelDescription, Variable};
 use fmu_system::run::{Run, Wire};
 use std::collections::BTreeMap;
 
@@ -51,7 +51,7 @@ pub(crate) fn show_all(run: &mut Run, fmus: &Fmus, plant: &str) -> Vec<Shown> {
 }
 
 fn is_shown(variable: &Variable) -> bool {
-    variable.causality == Causality::Output && !variable.is_array() && variable.base_type != BaseType::String
+    variable.causality == Causality::Output && !variable.is_array() && variable.base_type.is_number()
 }
 
 fn column(description: &ModelDescription, variable: &Variable) -> Column {

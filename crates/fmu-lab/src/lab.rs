@@ -212,9 +212,7 @@ impl Lab {
         let description = description.ok_or_else(|| Failure::new(format!("there is no FMU {fmu}")))?;
         let start = |value: &Value| match value {
             Value::Real(value) => format!("{value:?}"),
-            Value::Integer(value) => value.to_string(),
-            Value::Boolean(value) => value.to_string(),
-            Value::String(value) => value.clone(),
+            other => other.text(),
         };
         let variables: Vec<_> = description
             .variables

@@ -1,6 +1,7 @@
 //! Linear models of FMUs with continuous states, from directional derivatives, or from differences in model exchange.
 
 use fmu_import::archive::Archive;
+use fmu_import::bytes::BinaryText;
 use fmu_import::description::{BaseType, Causality, DataType, Initial, Interface, ModelDescription, Value, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::{CallError, Instance};
@@ -208,13 +209,17 @@ pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
         BaseType::Integer => {
             let values = variable.named_values();
             let named = values.iter().find(|(_, name)| *name == text).map(|(value, _)| *value);
-            let value = named.map_or_else(|| text.parse(), |value| Ok(i64::from(value)));
-            value.map(Value::Integer).map_err(|_| match values.as_slice() {
+            let value = named.map_or_else(|| text.parse().ok(), |value| Some(i128::from(value)));
+            value.and_then(Value::integer).ok_or_else(|| match values.as_slice() {
                 [] => expected("a whole number"),
                 values => expected(&format!("one of {}", listed(values))),
             })
         }
         BaseType::String => Ok(Value::String(text.to_owned())),
+        BaseType::Binary => {
+            let bytes = BinaryText::Base64.decode(text);
+            bytes.map(|hex| Value::Binary { hex }).ok_or_else(|| expected("bytes in Base64"))
+        }
     }
 }
 

@@ -4,38 +4,65 @@
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
 pub use crate::run::Recording;
-use crate::run::{Run, Simulation};
+use crate::run::{Exact, Run, Simulation};
 use crate::session::Session;
 use fmu_import::limits;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// The columns of a run and the slots they record, in memory that is reserved before the first step.
+/// The columns of a run and the slots they record, in memory that is reserved before the first step. Only the bytes of
+/// Binaries, whose number is unknown, need more memory during the run.
 struct Recorder {
     time: Vec<f64>,
     columns: Vec<(usize, Vec<f64>)>,
+    exact: BTreeMap<usize, Exact>,
 }
 
 impl Recorder {
-    fn new(simulation: &Simulation, run: &Run) -> Self {
+    fn new(simulation: &Simulation, run: &Run, session: &Session) -> Self {
         let slots: Vec<usize> = run.columns.iter().copied().flatten().collect();
         // Plans stay within the limit. Beyond it, the columns grow without being reserved.
         let most = limits::RECORDED / (slots.len() as u64 + 1);
         let rows = usize::try_from((simulation.steps / simulation.every + 1).min(most)).unwrap_or(0);
         let columns = slots.into_iter().map(|slot| (slot, Vec::with_capacity(rows))).collect();
-        Self { time: Vec::with_capacity(rows), columns }
+        Self {
+            time: Vec::with_capacity(rows),
+            columns,
+            exact: session.exact_columns(rows, run.binary.unwrap_or_default()),
+        }
     }
 
-    fn push(&mut self, time: f64, bus: &[f64]) {
+    fn push(&mut self, time: f64, session: &Session) {
         self.time.push(time);
+        let bus = session.bus();
         for (slot, column) in &mut self.columns {
             column.push(bus[*slot]);
         }
+        session.record_exact(&mut self.exact);
+    }
+
+    /// An error if the Binaries need more memory than a recording may have.
+    fn check_memory(&self, run: &Run, time: f64) -> Result<(), Failure> {
+        let bytes = |values: &Exact| match values {
+            Exact::Binaries { values, .. } => values.memory() as u64,
+            Exact::Integers(_) => 0,
+        };
+        let (bytes, limit) = (self.exact.values().map(bytes).sum::<u64>(), 8 * limits::RECORDED);
+        if bytes <= limit {
+            return Ok(());
+        }
+        let message = format!(
+            "the recorded Binaries have {bytes} bytes, the limit is {limit}; record every n-th step only (`every` in \
+             [record]) or fewer signals"
+        );
+        Err(Failure { time: Some(time), ..Failure::new(&run.id, message) })
     }
 
     fn finish(self, run: &Run) -> Recording {
         let mut recorded = self.columns.into_iter();
         let columns = run.columns.iter().map(|slot| slot.and_then(|_| recorded.next()).map(|(_, column)| column));
-        Recording { time: self.time, columns: columns.collect(), messages: Vec::new(), seconds: 0.0 }
+        let columns = columns.collect();
+        Recording { time: self.time, columns, exact: self.exact, messages: Vec::new(), seconds: 0.0 }
     }
 }
 
@@ -58,15 +85,16 @@ pub(crate) fn record(
 ) -> Result<Recording, Failure> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
-    let mut recorder = Recorder::new(simulation, run);
-    recorder.push(simulation.start, session.bus());
+    let mut recorder = Recorder::new(simulation, run, &session);
+    recorder.push(simulation.start, &session);
     let mut ended = Ok(());
     while ended.is_ok() && !session.is_over() {
         let before = session.steps();
         ended = session.step();
         let is_made = session.steps() > before && !matches!(&ended, Err(error) if error.kind == FailureKind::NotFinite);
         if is_made && session.steps() % simulation.every == 0 {
-            recorder.push(session.time(), session.bus());
+            recorder.push(session.time(), &session);
+            ended = ended.and_then(|()| recorder.check_memory(run, session.time()));
         }
     }
     let mut recording = recorder.finish(run);

@@ -110,7 +110,7 @@ pub fn settable_of<D: Deref<Target = ModelDescription>>(
         match settable(&description, name) {
             Err(message) => first = first.or(Some(format!("`{component}`: {message}"))),
             Ok(variable) => {
-                let set = found.parameters.iter().chain(&found.constants).find(|setting| setting.name == name);
+                let set = found.parameters.iter().chain(&found.constants).find(|setting| setting.name == variable.name);
                 let value = set.map(|setting| &setting.value).or(variable.start.as_ref()).cloned();
                 let units = description.display_units(variable);
                 return Ok(Settable { variable: variable.clone(), value, units });
@@ -202,7 +202,9 @@ pub(crate) fn scale(
 
 /// Returns the help for the name of an array: the elements to write instead.
 pub(crate) fn array(description: &ModelDescription, name: &str) -> Option<String> {
-    let [first, last] = description.elements_of(name)?;
+    let mut elements = description.elements_of(name);
+    let first = elements.next()?;
+    let last = elements.next_back().unwrap_or(first);
     Some(format!("`{name}` is an array: write its elements, `{}` to `{}`", first.name, last.name))
 }
 
@@ -221,9 +223,9 @@ pub(crate) fn role(variable: &Variable) -> &'static str {
 }
 
 /// Checks that an Integer is in the list of values, if there is one; the error states the rule.
-pub(crate) fn check_item(variable: &Variable, value: i64) -> Result<(), String> {
+pub(crate) fn check_item(variable: &Variable, value: i128) -> Result<(), String> {
     let named = variable.named_values();
-    if named.is_empty() || named.iter().any(|(item, _)| i64::from(*item) == value) {
+    if named.is_empty() || named.iter().any(|(item, _)| i128::from(*item) == value) {
         return Ok(());
     }
     Err(format!("expected one of {}", listed(&named)))
@@ -243,17 +245,24 @@ pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
             return Err(format!("`{name}` is {v}, expected a finite number"));
         }
         Value::Real(v) => *v,
-        Value::Integer(v) => {
+        Value::Integer(_) | Value::Unsigned(_) => {
+            let v = value.whole().unwrap_or_default();
             let range = variable.integers();
-            if !range.contains(v) {
+            if !range.contains(&v) {
                 let (least, most, data_type) = (range.start(), range.end(), variable.data_type);
                 return Err(match (i32::try_from(*least), i32::try_from(*most)) {
                     (Ok(i32::MIN), Ok(i32::MAX)) => format!("`{name}` is {v}, which does not fit in 32 bits"),
                     _ => format!("`{name}` is {v}, expected a whole number from {least} to {most} ({data_type})"),
                 });
             }
-            check_item(variable, *v).map_err(|rule| format!("`{name}` is {v}, {rule}"))?;
-            *v as f64
+            check_item(variable, v).map_err(|rule| format!("`{name}` is {v}, {rule}"))?;
+            v as f64
+        }
+        Value::Binary { hex } => {
+            let fits = variable.max_size.is_none_or(|most| hex.len() <= most);
+            let most = variable.max_size.unwrap_or_default();
+            let message = || format!("`{name}` has {} bytes, expected at most {most} (its `maxSize`)", hex.len());
+            return if fits { Ok(()) } else { Err(message()) };
         }
         Value::Boolean(_) | Value::String(_) => return Ok(()),
     };

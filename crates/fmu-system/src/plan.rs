@@ -186,4 +186,7 @@ pub struct Column {
     pub units: Vec<DisplayUnit>,
     /// True if, in some case, the values come from the input file instead of the component.
     pub from_file: bool,
+    /// True for a Binary; files contain its values as text.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_binary: bool,
 }

@@ -186,6 +186,7 @@ pub fn resolve_text(
         scenario: &scenario,
         problems,
         inputs: inputs.transpose()?,
+        record: scenario.record.signals.clone(),
         of_inputs: Vec::new(),
         folder: folder(file),
         sets: HashMap::new(),
@@ -195,6 +196,7 @@ pub fn resolve_text(
     let Some(mut systems) = resolver.systems(source) else {
         return Err(resolver.problems.fail().into());
     };
+    resolver.record_arrays(&systems);
     resolver.find_patterns_of_inputs(&systems);
     for system in &mut systems {
         resolver.wire(system, source);

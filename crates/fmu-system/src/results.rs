@@ -5,8 +5,10 @@ mod status;
 
 pub use status::{RunStatus, RunStatuses, STATUS_FILE};
 
-use crate::run::{Recording, Run};
+use crate::run::{Binaries, Exact, Recording, Run};
+use fmu_import::bytes::BinaryText;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -19,7 +21,8 @@ pub fn file_name(run: &Run) -> String {
 }
 
 /// Writes `time` and the columns that the run has; `names` are the names of all columns. Numbers have the shortest form
-/// that reads back as the same double. The file appears complete or not at all.
+/// that reads back as the same double, Int64 and UInt64 all digits, Binaries the text of their column. The file appears
+/// complete or not at all.
 ///
 /// # Errors
 /// The folder cannot be made or the file cannot be written; the message contains the path.
@@ -117,6 +120,48 @@ pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Columns)> 
     Ok((times, columns))
 }
 
+/// Reads the exact values of a file that [`write_csv`] has written, by column: those of the columns `binaries`, and
+/// integers beyond 2^53.
+///
+/// # Errors
+/// The file cannot be read, or a value is not the text of a Binary; the message contains the path.
+pub fn read_exact(path: &Path, binaries: &[&str], text: BinaryText) -> io::Result<BTreeMap<String, Exact>> {
+    const LARGEST: u128 = 1 << f64::MANTISSA_DIGITS;
+    let wrong = |error: &dyn std::fmt::Display| {
+        io::Error::new(io::ErrorKind::InvalidData, format!("{}: {error}", path.display()))
+    };
+    let mut reader = csv::Reader::from_path(path).map_err(|error| wrong(&error))?;
+    let column = |name: &str| match binaries.contains(&name) {
+        true => Some(Exact::Binaries { text, values: Binaries::default() }),
+        false => Some(Exact::Integers(Vec::new())),
+    };
+    let head = reader.headers().map_err(|error| wrong(&error))?.clone();
+    let mut columns: Vec<Option<Exact>> = head.iter().map(column).collect();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(|error| wrong(&error))? {
+        for (cell, column) in record.iter().zip(&mut columns) {
+            match column {
+                Some(Exact::Binaries { values, .. }) => {
+                    let bytes = text.decode(cell).ok_or_else(|| wrong(&format!("`{cell}` is not a Binary")))?;
+                    values.push(&bytes);
+                }
+                Some(Exact::Integers(values)) => match cell.parse() {
+                    Ok(value) => values.push(value),
+                    // The column has doubles.
+                    Err(_) => *column = None,
+                },
+                None => (),
+            }
+        }
+    }
+    let is_exact = |column: &Exact| match column {
+        Exact::Integers(values) => values.iter().any(|value| value.unsigned_abs() > LARGEST),
+        Exact::Binaries { .. } => true,
+    };
+    let named = head.iter().zip(columns).filter_map(|(name, column)| Some((name.to_owned(), column?)));
+    Ok(named.filter(|(_, column)| is_exact(column)).collect())
+}
+
 fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
@@ -126,10 +171,13 @@ fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Res
 
 /// Writes the content of a [`write_csv`] file to a stream.
 pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -> io::Result<()> {
-    let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
+    let (names, mut columns): (Vec<&str>, Vec<Cells<'_>>) = names
         .iter()
         .zip(&recording.columns)
-        .filter_map(|(name, values)| Some((name.as_str(), values.as_deref()?)))
+        .enumerate()
+        .filter_map(|(index, (name, values))| {
+            Some((name.as_str(), Cells::new(values.as_deref()?, recording.exact.get(&index))))
+        })
         .unzip();
     // Room for a chunk and the row that completes it.
     let mut text = Vec::with_capacity(CHUNK + (columns.len() + 1) * (number::MAX_LENGTH + 1));
@@ -145,9 +193,13 @@ pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -
     text.push(b'\n');
     for (row, time) in recording.time.iter().enumerate() {
         number::push(&mut text, *time);
-        for values in &columns {
+        for cells in &mut columns {
             text.push(b',');
-            number::push(&mut text, values[row]);
+            match cells {
+                Cells::Numbers(values) => number::push(&mut text, values[row]),
+                Cells::Integers(values) => write!(text, "{}", values[row])?,
+                Cells::Binaries(values, encoding) => encoding.push(&mut text, values.next().unwrap_or_default()),
+            }
         }
         text.push(b'\n');
         if text.len() >= CHUNK {
@@ -158,9 +210,64 @@ pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -
     file.write_all(&text)
 }
 
+/// The values of a column.
+enum Cells<'a> {
+    Numbers(&'a [f64]),
+    Integers(&'a [i128]),
+    Binaries(Box<dyn Iterator<Item = &'a [u8]> + 'a>, BinaryText),
+}
+
+impl<'a> Cells<'a> {
+    fn new(numbers: &'a [f64], exact: Option<&'a Exact>) -> Self {
+        match exact {
+            None => Self::Numbers(numbers),
+            Some(Exact::Integers(values)) => Self::Integers(values),
+            Some(Exact::Binaries { text, values }) => Self::Binaries(Box::new(values.iter()), *text),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The limits of the types, and numbers that doubles round.
+    #[test]
+    fn integers_have_all_digits_and_binaries_are_texts() {
+        let mut binaries = Binaries::default();
+        [&b"foo"[..], b"", &[0, 0xff]].iter().for_each(|value| binaries.push(value));
+        let exact = |text| {
+            let integers = vec![i64::MIN.into(), (1 << 53) + 1, u64::MAX.into()];
+            let binaries = Exact::Binaries { text, values: binaries.clone() };
+            BTreeMap::from([(0, Exact::Integers(integers)), (2, binaries)])
+        };
+        let mut recording = Recording {
+            time: vec![0.0, 1.0, 2.0],
+            columns: vec![Some(vec![0.0; 3]); 3],
+            exact: exact(BinaryText::Base64),
+            messages: Vec::new(),
+            seconds: 0.0,
+        };
+        let written = |recording: &Recording| {
+            let mut text = Vec::new();
+            push_csv(&mut text, &["n", "x", "b"].map(String::from), recording).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        let expected = "time,n,x,b\n0.0,-9223372036854775808,0.0,Zm9v\n1.0,9007199254740993,0.0,\n\
+                        2.0,18446744073709551615,0.0,AP8=\n";
+        assert_eq!(written(&recording), expected);
+        recording.exact = exact(BinaryText::Hex);
+        let expected = expected.replace("Zm9v", "666f6f").replace("AP8=", "00ff");
+        assert_eq!(written(&recording), expected);
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        std::fs::write(&path, &expected).unwrap();
+        let read = read_exact(&path, &["b"], BinaryText::Hex).unwrap();
+        assert_eq!(read.into_values().collect::<Vec<_>>(), [recording.exact[&2].clone(), recording.exact[&0].clone()]);
+        let error = read_exact(&path, &["x"], BinaryText::Hex).unwrap_err().to_string();
+        assert!(error.ends_with("a.csv: `0.0` is not a Binary"), "{error}");
+    }
 
     #[test]
     fn numbers_read_back_exactly_and_absent_columns_are_left_out() {
@@ -170,6 +277,7 @@ mod tests {
         let recording = Recording {
             time: vec![0.0, 0.001],
             columns: vec![Some(values.to_vec()), None, Some(vec![1.0, 5e300])],
+            exact: BTreeMap::new(),
             messages: Vec::new(),
             seconds: 0.0,
         };
@@ -188,7 +296,8 @@ mod tests {
         let path = folder.path().join("a.csv");
         // More than one chunk.
         let time: Vec<f64> = (0..30_000).map(|k| f64::from(k) * 0.001).collect();
-        let recording = Recording { time, columns: Vec::new(), messages: Vec::new(), seconds: 0.0 };
+        let recording =
+            Recording { time, columns: Vec::new(), exact: BTreeMap::new(), messages: Vec::new(), seconds: 0.0 };
         let part = Part::of(&path);
         part.write(&[], &recording).unwrap();
         assert!(!path.exists());
@@ -208,7 +317,13 @@ mod tests {
         let path = folder.path().join("a.csv");
         // A folder of that name cannot be replaced by a file.
         std::fs::create_dir(&path).unwrap();
-        let recording = Recording { time: Vec::new(), columns: Vec::new(), messages: Vec::new(), seconds: 0.0 };
+        let recording = Recording {
+            time: Vec::new(),
+            columns: Vec::new(),
+            exact: BTreeMap::new(),
+            messages: Vec::new(),
+            seconds: 0.0,
+        };
         let error = write_csv(&path, &[], &recording).unwrap_err().to_string();
         assert!(error.contains("a.csv"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

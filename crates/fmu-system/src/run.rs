@@ -1,13 +1,16 @@
 //! Runs: what a master executes.
 //!
 //! Signals travel on a *bus* of doubles per run: every connected or recorded output and every signal from a file has a
-//! slot. Integers and Booleans are doubles there.
+//! slot. Integers and Booleans are doubles there. For slots that an Int64, UInt64 or Binary writes, the bus also has the
+//! exact value.
 
+use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, FmiVersion, Value, Variable};
 use fmu_import::loader::Message;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Times, s, and order of execution.
@@ -64,6 +67,9 @@ pub struct Run {
     pub slots: usize,
     /// Slot of each column of the plan; `None` where the case leaves the component out.
     pub columns: Vec<Option<usize>>,
+    /// Text of Binaries in the file of results; Base64 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub binary: Option<BinaryText>,
 }
 
 /// An instance of an FMU and its wires.
@@ -196,8 +202,11 @@ fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// Values of each column of the run; `None` where the case leaves the component out.
+    /// Values of each column of the run; `None` where the case leaves the component out. The numbers of a Binary are
+    /// its sizes in bytes.
     pub columns: Vec<Option<Vec<f64>>>,
+    /// By column, the values that a double cannot represent: those of Int64, UInt64 and Binary.
+    pub exact: BTreeMap<usize, Exact>,
     /// Warnings that components logged during a successful run, with the name of the component.
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
@@ -208,6 +217,57 @@ impl Recording {
     /// Values of a column of the plan.
     pub fn column(&self, index: usize) -> Option<&[f64]> {
         self.columns.get(index)?.as_deref()
+    }
+}
+
+/// Values that a double cannot represent, one per row.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Exact {
+    /// Values of an Int64 or UInt64.
+    Integers(Vec<i128>),
+    /// Values of a Binary.
+    Binaries {
+        /// Text of the values in a file.
+        text: BinaryText,
+        /// The values.
+        values: Binaries,
+    },
+}
+
+/// Values of a Binary. A value that is equal to the one before it needs no memory of its own.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Binaries {
+    bytes: Vec<u8>,
+    /// Start and end of each value.
+    places: Vec<(usize, usize)>,
+}
+
+impl Binaries {
+    /// Room for a number of values.
+    pub(crate) fn with_rows(rows: usize) -> Self {
+        Self { bytes: Vec::new(), places: Vec::with_capacity(rows) }
+    }
+
+    /// Appends a value.
+    pub(crate) fn push(&mut self, value: &[u8]) {
+        let place = match self.places.last() {
+            Some((start, end)) if self.bytes[*start..*end] == *value => (*start, *end),
+            _ => (self.bytes.len(), self.bytes.len() + value.len()),
+        };
+        if place.1 > self.bytes.len() {
+            self.bytes.extend_from_slice(value);
+        }
+        self.places.push(place);
+    }
+
+    /// Memory of the values, bytes.
+    pub(crate) fn memory(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// The values in order.
+    pub fn iter(&self) -> impl Iterator<Item = &[u8]> {
+        self.places.iter().map(|(start, end)| self.bytes.get(*start..*end).unwrap_or_default())
     }
 }
 
@@ -249,6 +309,15 @@ mod tests {
         };
         let mut row = 0;
         times.into_iter().map(|time| series.at(time, &mut row).unwrap()).collect()
+    }
+
+    #[test]
+    fn binaries_keep_all_values_and_repeated_ones_once() {
+        let mut binaries = Binaries::default();
+        let values: [&[u8]; 6] = [b"", b"ab", b"ab", b"", b"", b"abc"];
+        values.iter().for_each(|value| binaries.push(value));
+        assert_eq!(binaries.iter().collect::<Vec<_>>(), values);
+        assert_eq!(binaries.memory(), 5);
     }
 
     /// The expected values are on straight lines between the rows. Two or three rows with the same time are a jump: the

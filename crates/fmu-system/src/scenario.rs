@@ -59,7 +59,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
     let parameter_set = own.parameter_set.clone();
     let mut all = Written::default();
     let mut signals = Vec::new();
-    let mut every = None;
+    let (mut every, mut binary) = (None, None);
     let mut has_record = false;
     for mut part in files.into_iter().chain([own]) {
         all.components.append(&mut part.components);
@@ -76,6 +76,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
             has_record = true;
             signals.append(&mut record.signals);
             every = record.every.or(every);
+            binary = record.binary.or(binary);
         }
         for (name, values) in part.parameters {
             match all.components.iter_mut().find(|component| component.name == name) {
@@ -113,7 +114,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
         points: all.points,
         sweep: all.sweep,
         seeds: all.seeds,
-        record: Record { signals, every },
+        record: Record { signals, every, binary },
         metrics: all.metrics,
         figures: all.figures,
         findings: all.findings,

@@ -23,18 +23,20 @@
 //! are set from the bus.
 //!
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
-//! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more
-//! than 32 bits have a separate call. On the bus, a Boolean output is 0 or 1, and a Boolean input is true if its slot
-//! is above 0.5. Connections between Real and Boolean are converted in the same way.
+//! doubles. UInt32 has a separate call, as do Int64 and UInt64, whose slots also hold the exact value. Binary outputs
+//! are read by one call, Binary inputs are set by one call each. On the bus, a Boolean output is 0 or 1, and a Boolean
+//! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way.
 
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
-use crate::run::{InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
+use crate::run::{Binaries, Exact, InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
+use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
 use fmu_import::loader::calls::{self, Board};
-use fmu_import::loader::{CallError, CallProblem, Instance, Message, SavedState, Status};
+use fmu_import::loader::{CallError, CallProblem, Instance, Message, SavedState, Status, WholeNumber};
+use std::collections::BTreeMap;
 
 /// Tolerance, in steps, for the time that an FMU reports at the end of a step: FMUs add up step sizes, which are
 /// rounded.
@@ -47,7 +49,7 @@ struct Group<T> {
     values: Vec<T>,
 }
 
-impl<T: Copy + Default> Group<T> {
+impl<T: Clone + Default> Group<T> {
     fn new(wires: &[Wire], is_own: impl Fn(&Wire) -> bool) -> Self {
         let of_type = || wires.iter().filter(|wire| is_own(wire));
         Self {
@@ -72,16 +74,70 @@ impl<T: Copy + Default> Group<T> {
         &mut self,
         bus: &mut [f64],
         get: impl FnOnce(&[Reference], &mut [T]) -> Result<(), CallError>,
-        convert: impl Fn(T) -> f64,
+        convert: impl Fn(&T) -> f64,
     ) -> Result<(), CallError> {
         if self.slots.is_empty() {
             return Ok(());
         }
         get(&self.references, &mut self.values)?;
         for (value, slot) in self.values.iter().zip(&self.slots) {
-            bus[*slot] = convert(*value);
+            bus[*slot] = convert(value);
         }
         Ok(())
+    }
+}
+
+/// The signals of a run, by slot.
+#[derive(Debug, Clone)]
+struct Bus {
+    /// Numbers; for a Binary, its size in bytes.
+    numbers: Vec<f64>,
+    /// Values of the slots that Int64 and UInt64 outputs write; empty if there are none.
+    exact: Vec<Option<i128>>,
+    /// Values of the slots that Binary outputs write; empty if there are none.
+    binaries: Vec<Option<Vec<u8>>>,
+}
+
+impl Bus {
+    fn new(slots: usize, members: &[Component]) -> Self {
+        let special = || members.iter().filter_map(|member| member.outputs.special.as_deref());
+        let exact: Vec<usize> = special().flat_map(|special| &special.exact.slots).copied().collect();
+        let binaries: Vec<usize> = special().flat_map(|special| &special.binaries.slots).copied().collect();
+        let mut bus = Self {
+            numbers: vec![0.0; slots],
+            exact: vec![None; if exact.is_empty() { 0 } else { slots }],
+            binaries: vec![None; if binaries.is_empty() { 0 } else { slots }],
+        };
+        exact.into_iter().for_each(|slot| bus.exact[slot] = Some(0));
+        binaries.into_iter().for_each(|slot| bus.binaries[slot] = Some(Vec::new()));
+        bus
+    }
+
+    /// The whole number in a slot; `None` if it is not one, or a double above 2^53.
+    fn whole(&self, slot: usize) -> Option<i128> {
+        self.exact.get(slot).copied().flatten().or_else(|| self.numbers[slot].whole())
+    }
+
+    /// The value in a slot that a Binary output writes.
+    fn binary(&self, slot: usize) -> &[u8] {
+        self.binaries.get(slot).and_then(Option::as_deref).unwrap_or_default()
+    }
+
+    /// Memory for the exact values of a slot; `None` if doubles represent them.
+    fn exact_values(&self, slot: usize, rows: usize, text: BinaryText) -> Option<Exact> {
+        if self.exact.get(slot).is_some_and(Option::is_some) {
+            return Some(Exact::Integers(Vec::with_capacity(rows)));
+        }
+        let is_binary = self.binaries.get(slot).is_some_and(Option::is_some);
+        is_binary.then(|| Exact::Binaries { text, values: Binaries::with_rows(rows) })
+    }
+
+    /// Appends the value of a slot to its exact values.
+    fn record(&self, slot: usize, values: &mut Exact) {
+        match values {
+            Exact::Integers(values) => values.push(self.whole(slot).unwrap_or_default()),
+            Exact::Binaries { values, .. } => values.push(self.binary(slot)),
+        }
     }
 }
 
@@ -89,20 +145,32 @@ impl<T: Copy + Default> Group<T> {
 struct Port {
     reals: Group<f64>,
     integers: Group<i32>,
-    /// Integers of FMI 3.0 that may have more than 32 bits.
+    /// Integers of the type UInt32.
     wide: Group<f64>,
     booleans: Group<i32>,
+    /// Variables with values that a double cannot represent; `None` if there are none.
+    special: Option<Box<Special>>,
+}
+
+struct Special {
+    /// Integers of the types Int64 and UInt64.
+    exact: Group<i128>,
+    binaries: Group<Vec<u8>>,
 }
 
 impl Port {
     fn new(instance: &Instance, wires: &[Wire]) -> Self {
         let of = |base_type| move |wire: &Wire| wire.base_type == base_type;
+        let is_exact = |wire: &Wire| of(BaseType::Integer)(wire) && instance.is_exact(wire.reference);
         let is_wide = |wire: &Wire| of(BaseType::Integer)(wire) && instance.is_wide(wire.reference);
+        let special = Special { exact: Group::new(wires, is_exact), binaries: Group::new(wires, of(BaseType::Binary)) };
+        let has_special = !special.exact.slots.is_empty() || !special.binaries.slots.is_empty();
         Self {
             reals: Group::new(wires, of(BaseType::Real)),
             integers: Group::new(wires, |wire| of(BaseType::Integer)(wire) && !is_wide(wire)),
-            wide: Group::new(wires, is_wide),
+            wide: Group::new(wires, |wire| is_wide(wire) && !is_exact(wire)),
             booleans: Group::new(wires, of(BaseType::Boolean)),
+            special: has_special.then(|| Box::new(special)),
         }
     }
 }
@@ -124,33 +192,32 @@ struct Component {
 
 impl Component {
     fn set(&mut self, setting: &Setting) -> Result<(), CallError> {
-        let references = [setting.reference];
-        match &setting.value {
-            Value::Real(v) => self.instance.set_real(&references, &[*v]),
-            Value::Integer(v) => self.instance.set_integer(&references, &[*v]),
-            Value::Boolean(v) => self.instance.set_boolean(&references, &[i32::from(*v)]),
-            Value::String(v) => self.instance.set_string(&references, &[v]),
-        }
+        self.instance.set_value(setting.reference, &setting.value)
     }
 
-    fn set_inputs(&mut self, bus: &[f64]) -> Result<(), CallError> {
+    fn set_inputs(&mut self, bus: &Bus) -> Result<(), CallError> {
         let Self { instance, inputs, .. } = self;
-        inputs.reals.load(bus, |v| v);
+        let numbers = &bus.numbers[..];
+        inputs.reals.load(numbers, |v| v);
         inputs.reals.set(|references, values| instance.set_real(references, values))?;
         let mut are_exact = true;
-        inputs.integers.load(bus, |v| {
+        inputs.integers.load(numbers, |v| {
             let value = v as i32;
             are_exact &= f64::from(value) == v;
             value
         });
         if !are_exact {
-            return set_exactly(instance, &inputs.integers, bus);
+            return set_exactly(instance, &inputs.integers, numbers);
         }
         inputs.integers.set(|references, values| instance.set_integer(references, values))?;
-        inputs.wide.load(bus, |v| v);
+        inputs.wide.load(numbers, |v| v);
         inputs.wide.set(|references, values| instance.set_integer(references, values))?;
-        inputs.booleans.load(bus, |v| i32::from(v > 0.5));
-        inputs.booleans.set(|references, values| instance.set_boolean(references, values))
+        inputs.booleans.load(numbers, |v| i32::from(v > 0.5));
+        inputs.booleans.set(|references, values| instance.set_boolean(references, values))?;
+        match &mut inputs.special {
+            None => Ok(()),
+            Some(special) => special.set(instance, bus),
+        }
     }
 
     /// Sets the inputs of the component with this index to the values of the caller.
@@ -161,7 +228,7 @@ impl Component {
                 BaseType::Real => self.instance.set_real(&references, &[value])?,
                 BaseType::Integer => self.instance.set_integer(&references, &[value.trunc()])?,
                 BaseType::Boolean => self.instance.set_boolean(&references, &[i32::from(value > 0.5)])?,
-                BaseType::String => (),
+                BaseType::String | BaseType::Binary => (),
             }
         }
         Ok(())
@@ -187,19 +254,53 @@ impl Component {
         Ok(Some((reached, CallError { problem: CallProblem::Terminated, ..error })))
     }
 
-    fn read_outputs(&mut self, bus: &mut [f64]) -> Result<(), CallError> {
+    fn read_outputs(&mut self, bus: &mut Bus) -> Result<(), CallError> {
         let Self { instance, outputs, .. } = self;
-        outputs.reals.read(bus, |references, values| instance.get_real(references, values), |v| v)?;
-        outputs.integers.read(bus, |references, values| instance.get_integer(references, values), f64::from)?;
-        outputs.wide.read(bus, |references, values| instance.get_integer(references, values), |v| v)?;
-        let boolean = |v| f64::from(u8::from(v != 0));
-        outputs.booleans.read(bus, |references, values| instance.get_boolean(references, values), boolean)
+        let numbers = &mut bus.numbers[..];
+        outputs.reals.read(numbers, |references, values| instance.get_real(references, values), |v| *v)?;
+        let integers = |references: &[Reference], values: &mut [i32]| instance.get_integer(references, values);
+        outputs.integers.read(numbers, integers, |v| f64::from(*v))?;
+        outputs.wide.read(numbers, |references, values| instance.get_integer(references, values), |v| *v)?;
+        let boolean = |v: &i32| f64::from(u8::from(*v != 0));
+        outputs.booleans.read(numbers, |references, values| instance.get_boolean(references, values), boolean)?;
+        match &mut outputs.special {
+            None => Ok(()),
+            Some(special) => special.read(instance, bus),
+        }
     }
 }
 
-/// Sets Integers although one of them, from a 64-bit output, does not fit into 32 bits. Returns the error of the call.
+impl Special {
+    fn set(&mut self, instance: &mut Instance, bus: &Bus) -> Result<(), CallError> {
+        for (value, slot) in self.exact.values.iter_mut().zip(&self.exact.slots) {
+            let Some(whole) = bus.whole(*slot) else { return set_exactly(instance, &self.exact, &bus.numbers) };
+            *value = whole;
+        }
+        self.exact.set(|references, values| instance.set_integer(references, values))?;
+        let mut binaries = self.binaries.references.iter().zip(&self.binaries.slots);
+        binaries.try_for_each(|(reference, slot)| instance.set_binary(&[*reference], &[bus.binary(*slot)]))
+    }
+
+    fn read(&mut self, instance: &mut Instance, bus: &mut Bus) -> Result<(), CallError> {
+        let integers = |references: &[Reference], values: &mut [i128]| instance.get_integer(references, values);
+        self.exact.read(&mut bus.numbers, integers, |v| *v as f64)?;
+        for (value, slot) in self.exact.values.iter().zip(&self.exact.slots) {
+            bus.exact[*slot] = Some(*value);
+        }
+        let binaries = |references: &[Reference], values: &mut [Vec<u8>]| instance.read_binary(references, values);
+        self.binaries.read(&mut bus.numbers, binaries, |v| v.len() as f64)?;
+        for (value, slot) in self.binaries.values.iter_mut().zip(&self.binaries.slots) {
+            if let Some(own) = &mut bus.binaries[*slot] {
+                std::mem::swap(own, value);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Sets Integers although a signal does not have a value of their type. Returns the error of the call.
 #[cold]
-fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> Result<(), CallError> {
+fn set_exactly<T>(instance: &mut Instance, integers: &Group<T>, bus: &[f64]) -> Result<(), CallError> {
     let values: Vec<f64> = integers.slots.iter().map(|slot| bus[*slot]).collect();
     instance.set_integer(&integers.references, &values)
 }
@@ -249,7 +350,7 @@ pub struct Overwrite(usize);
 #[derive(Debug)]
 pub struct Saved {
     states: Vec<SavedState>,
-    bus: Vec<f64>,
+    bus: Bus,
     rows: Vec<usize>,
     step: u64,
     overwritten: Vec<Option<f64>>,
@@ -261,7 +362,7 @@ pub struct Session {
     simulation: Simulation,
     columns: Vec<Option<usize>>,
     members: Vec<Component>,
-    bus: Vec<f64>,
+    bus: Bus,
     feeder: Feeder,
     overwritten: Vec<Overwritten>,
     /// Steps that are done.
@@ -299,12 +400,13 @@ impl Session {
         if let Some(board) = board {
             board.begin();
         }
+        let members = instantiate(run, fmus).map_err(failed)?;
         let mut session = Self {
             run: run.id.clone(),
             simulation: *simulation,
             columns: run.columns.clone(),
-            members: instantiate(run, fmus).map_err(failed)?,
-            bus: vec![0.0; run.slots],
+            bus: Bus::new(run.slots, &members),
+            members,
             feeder: Feeder { series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(), step: simulation.step },
             overwritten: Vec::new(),
             step: 0,
@@ -333,13 +435,28 @@ impl Session {
 
     /// The signals at the current time.
     pub fn bus(&self) -> &[f64] {
-        &self.bus
+        &self.bus.numbers
+    }
+
+    /// Memory for the exact values of the columns that doubles cannot represent.
+    pub(crate) fn exact_columns(&self, rows: usize, text: BinaryText) -> BTreeMap<usize, Exact> {
+        let recorded = self.columns.iter().enumerate().filter_map(|(column, slot)| Some((column, (*slot)?)));
+        recorded.filter_map(|(column, slot)| Some((column, self.bus.exact_values(slot, rows, text)?))).collect()
+    }
+
+    /// Appends the current values to columns from [`Self::exact_columns`].
+    pub(crate) fn record_exact(&self, columns: &mut BTreeMap<usize, Exact>) {
+        for (column, values) in columns {
+            if let Some(slot) = self.columns.get(*column).copied().flatten() {
+                self.bus.record(slot, values);
+            }
+        }
     }
 
     /// Value of a column of the plan; `None` if the run does not record it.
     pub fn column(&self, index: usize) -> Option<f64> {
         let slot = self.columns.get(index).copied().flatten()?;
-        self.bus.get(slot).copied()
+        self.bus.numbers.get(slot).copied()
     }
 
     /// Lets the caller set the values of an input. The input's connection, series or constant applies until the first
@@ -356,8 +473,8 @@ impl Session {
             format!("`{name}` is {}; only inputs can be overwritten", parameter::role(variable))
         } else if variable.is_array() {
             format!("`{name}` is an array of {} elements; only scalars can be overwritten", variable.size)
-        } else if variable.base_type == BaseType::String {
-            format!("`{name}` is a String; only Real, Integer and Boolean inputs can be overwritten")
+        } else if !variable.base_type.is_number() {
+            format!("`{name}` is a {}; only Real, Integer and Boolean inputs can be overwritten", variable.base_type)
         } else {
             let Variable { reference, base_type, .. } = *variable;
             self.overwritten.push(Overwritten { member, name: name.clone(), reference, base_type, value: None });
@@ -401,7 +518,7 @@ impl Session {
         if let Some(board) = self.board {
             board.step(time, self.step);
         }
-        self.feeder.feed(time, true, &mut self.bus);
+        self.feeder.feed(time, true, &mut self.bus.numbers);
         let ended = self.step_all(time).map_err(|error| self.failed(Some(time), error))?;
         if let Some((Reached::Start, error)) = ended {
             return Err(self.failed(Some(time), error));
@@ -415,20 +532,20 @@ impl Session {
 
     fn check_bus(&self, time: f64) -> Result<(), Failure> {
         // No early exit, so that the loop is vectorized.
-        let is_finite = self.bus.iter().fold(true, |all, value| all & value.is_finite());
+        let is_finite = self.bus.numbers.iter().fold(true, |all, value| all & value.is_finite());
         if is_finite { Ok(()) } else { Err(self.not_finite(time)) }
     }
 
     #[cold]
     fn not_finite(&self, time: f64) -> Failure {
-        let slot = self.bus.iter().position(|value| !value.is_finite()).unwrap_or_default();
+        let slot = self.bus.numbers.iter().position(|value| !value.is_finite()).unwrap_or_default();
         let mut outputs = self
             .members
             .iter()
             .flat_map(|member| member.names.iter().map(|(slot, name)| (*slot, member.instance.name(), name.as_str())));
         let (_, component, variable) = outputs.find(|output| output.0 == slot).unwrap_or((slot, "", "input series"));
         let (component, variable) = (component.to_owned(), variable.to_owned());
-        Failure::of(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus[slot] })
+        Failure::of(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus.numbers[slot] })
     }
 
     fn check_overwritten(&self, time: f64) -> Result<(), Failure> {
@@ -463,7 +580,7 @@ impl Session {
             .zip(&saved.states)
             .try_for_each(|(member, state)| member.instance.restore_state(state));
         restored.map_err(|error| self.failed(Some(self.time()), error))?;
-        self.bus.copy_from_slice(&saved.bus);
+        self.bus.clone_from(&saved.bus);
         for ((_, row), before) in self.feeder.series.iter_mut().zip(&saved.rows) {
             *row = *before;
         }
@@ -520,7 +637,7 @@ impl Session {
         for member in members.iter_mut() {
             member.instance.enter_initialization_mode()?;
         }
-        feeder.feed(simulation.start, false, bus);
+        feeder.feed(simulation.start, false, &mut bus.numbers);
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }

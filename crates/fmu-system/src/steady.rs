@@ -109,7 +109,7 @@ fn start(
             // Convert as a master does.
             BaseType::Integer => Value::Integer(value as i64),
             BaseType::Boolean => Value::Boolean(value > 0.5),
-            BaseType::String => continue,
+            BaseType::String | BaseType::Binary => continue,
         };
         given.extend(of_wire.map(|(index, _)| (index, value)));
     }

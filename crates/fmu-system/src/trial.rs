@@ -9,7 +9,7 @@ use crate::fmus::Fmus;
 use crate::master::{self, Recording};
 use crate::parameter;
 use crate::run::{Component, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
-use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use fmu_import::description::{Causality, ModelDescription, Value, Variable};
 
 /// Maximum number of variants of a component that are tried; only a long sweep has more.
 const MAX_VARIANTS: usize = 10;
@@ -97,8 +97,7 @@ impl Variant {
 }
 
 fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
-    let can_be_recorded =
-        |v: &&Variable| v.causality == Causality::Output && v.base_type != BaseType::String && !v.is_array();
+    let can_be_recorded = |v: &&Variable| v.causality == Causality::Output && v.base_type.is_number() && !v.is_array();
     description.variables.iter().filter(can_be_recorded)
 }
 
@@ -114,6 +113,7 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
         series: Vec::new(),
         slots: outputs.len(),
         columns: (0..outputs.len()).map(Some).collect(),
+        binary: None,
     };
     let simulation = Simulation { every: 1, order: Order::Sequential, ..*simulation };
     master::execute(&simulation, &run, fmus).ok()
@@ -124,7 +124,7 @@ fn other_values(variable: &Variable, value: &Value) -> Vec<Value> {
         Value::Real(v) => [v * 1.25, v * 0.75, v + 1.0].map(Value::Real).to_vec(),
         Value::Integer(v) => [v.checked_add(1), v.checked_sub(1)].into_iter().flatten().map(Value::Integer).collect(),
         Value::Boolean(v) => vec![Value::Boolean(!v)],
-        Value::String(_) => Vec::new(),
+        Value::Unsigned(_) | Value::String(_) | Value::Binary { .. } => Vec::new(),
     };
     let mut values: Vec<Value> = Vec::new();
     for candidate in variable.start.iter().cloned().chain(candidates) {

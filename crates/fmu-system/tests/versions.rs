@@ -137,7 +137,6 @@ fn an_array_as_a_whole_is_a_mistake() {
     for (from, to, help) in [
         ("k = 2.0", "k = 2.0, bits = true", "`bits` is an array: write its elements, `bits[1]` to `bits[2]`"),
         ("u = 0.25", "u = 0.25, v = 1.0", "`v` is an array: write its elements, `v[1]` to `v[3]`"),
-        ("\"decay:*\"", "\"decay:*\", \"w\"", "`w` is an array: write its elements, `w[1]` to `w[3]`"),
         (
             "[[case]]",
             "[[connection]]\nfrom = \"decay:w\"\nto = \"integral:y\"\n[[case]]",

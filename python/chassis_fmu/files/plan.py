@@ -109,6 +109,8 @@ class Column(plan_rules.ColumnMixin, _Part, frozen=True):
     units: tuple[DisplayUnit, ...]
     # True if, in some case, the values come from the input file instead of the component.
     from_file: bool
+    # True for a Binary; files contain its values as text.
+    is_binary: bool = False
 
 
 # Version of FMI.
@@ -116,11 +118,18 @@ FmiVersion: TypeAlias = Literal["2.0", "3.0"]
 
 
 # Base type in the C interface of FMI 2.0, where the values of enumerations are integers.
-BaseType: TypeAlias = Literal["Real", "Integer", "Boolean", "String"]
+BaseType: TypeAlias = Literal["Real", "Integer", "Boolean", "String", "Binary"]
+
+
+class Bytes(_Part, frozen=True):
+    """The bytes of a Binary."""
+
+    # In JSON, two hexadecimal digits for each byte.
+    hex: str
 
 
 # A value of a base type.
-Value: TypeAlias = int | float | bool | str
+Value: TypeAlias = int | float | bool | str | Bytes
 
 
 class Setting(_Part, frozen=True):
@@ -192,6 +201,10 @@ class InputSeries(_Part, frozen=True):
     values: tuple[float, ...]
 
 
+# Encoding of the bytes of a Binary as text.
+BinaryText: TypeAlias = Literal["base64", "hex"]
+
+
 class Run(plan_rules.RunMixin, _Part, frozen=True):
     """A run of one case at one point with one seed."""
 
@@ -210,6 +223,8 @@ class Run(plan_rules.RunMixin, _Part, frozen=True):
     slots: int
     # Slot of each column of the plan; `None` where the case leaves the component out.
     columns: tuple[int | None, ...]
+    # Text of Binaries in the file of results; Base64 if absent.
+    binary: BinaryText | None = None
 
 
 class Paper(_Part, frozen=True):

@@ -80,7 +80,7 @@ fn record(out: &Path) {
 fn alone(fmu: &Fmu) -> String {
     let inputs: Vec<_> = fmu.with(Causality::Input).filter(|v| v.base_type == BaseType::Real).collect();
     let input_references = fmu.references(Causality::Input);
-    let outputs: Vec<_> = fmu.with(Causality::Output).filter(|v| v.base_type != BaseType::String).collect();
+    let outputs: Vec<_> = fmu.with(Causality::Output).filter(|v| v.base_type.is_number()).collect();
     let mut random = Random(1);
     // Triangle waves, because the last bit of a sine can differ between platforms.
     let waves: Vec<_> = inputs.iter().map(|_| [1.6 + 1.4 * random.symmetric(), random.symmetric()]).collect();
@@ -121,7 +121,7 @@ fn reference_run(fmu: &Fmu) -> String {
         .filter_map(|input| Some((names.iter().position(|name| *name == input.name)?, input)))
         .collect();
     let time = names.iter().position(|name| *name == "time");
-    let outputs = fmu.with(Causality::Output).filter(|v| v.base_type != BaseType::String);
+    let outputs = fmu.with(Causality::Output).filter(|v| v.base_type.is_number());
     let mut table = String::from("time");
     outputs.for_each(|variable| write!(table, ",{}", variable.name).expect("texts grow"));
     let mut instance: Option<Instance> = None;
@@ -136,7 +136,7 @@ fn reference_run(fmu: &Fmu) -> String {
                 BaseType::Real => instance.set_real(&reference, &[value]),
                 BaseType::Boolean => instance.set_boolean(&reference, &[i32::from(value != 0.0)]),
                 BaseType::Integer => instance.set_integer(&reference, &[value as i32]),
-                BaseType::String => panic!("{} is a String", input.name),
+                BaseType::String | BaseType::Binary => panic!("{} is not a number", input.name),
             });
         }
         let before = fmu.is_plant().then(|| fmu.outputs(instance));

@@ -322,7 +322,7 @@ fn set_parameter(fmu: &Fmu, instance: &mut Instance, name: &str, value: f64) {
         BaseType::Real => ok(instance.set_real(&[variable.reference], &[value])),
         BaseType::Integer => ok(instance.set_integer(&[variable.reference], &[value as i32])),
         BaseType::Boolean => ok(instance.set_boolean(&[variable.reference], &[i32::from(value != 0.0)])),
-        BaseType::String => panic!("{name} is a text"),
+        BaseType::String | BaseType::Binary => panic!("{name} is not a number"),
     }
 }
 

@@ -144,6 +144,7 @@ fn parameters(path: &Path) -> miette::Result<Vec<(String, String, String)>> {
             Value::Integer(value) => value.to_string(),
             Value::Boolean(value) => value.to_string(),
             Value::String(value) => value.clone(),
+            other => other.text(),
         }
     };
     let split = |parameter: Parameter| {

@@ -129,6 +129,17 @@ fn others(variable: &Variable, start: &Value) -> Vec<Value> {
             let candidates = [start.checked_add(1), start.checked_sub(1)].into_iter().flatten();
             candidates.filter(|value| (min..=max).contains(&(*value as f64))).map(Value::Integer).collect()
         }
+        Value::Unsigned(start) => {
+            let lower = start.checked_sub(1).filter(|value| (min..=max).contains(&(*value as f64)));
+            lower.and_then(|value| Value::integer(value.into())).into_iter().collect()
+        }
+        Value::Binary { hex } => {
+            let longer = hex.iter().chain(b"x").copied().collect();
+            let shorter = hex.split_last().map(|(_, rest)| rest.to_vec());
+            let is_allowed = |value: &Vec<u8>| variable.max_size.is_none_or(|most| value.len() <= most);
+            let values = std::iter::once(longer).chain(shorter).filter(is_allowed);
+            values.map(|hex| Value::Binary { hex }).collect()
+        }
         Value::Integer(start) => {
             let items = variable.items.iter().map(|item| i64::from(item.value)).filter(|value| value != start);
             items.take(2).map(Value::Integer).collect()

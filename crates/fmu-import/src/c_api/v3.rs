@@ -41,6 +41,10 @@ pub type EnterInitializationMode = call!(bool, f64, f64, bool, f64);
 pub type Get<T> = call!(*const Reference, usize, *mut T, usize);
 /// `fmi3SetFloat64` and similar functions: references, their number, values, their number.
 pub type Set<T> = call!(*const Reference, usize, *const T, usize);
+/// `fmi3GetBinary`: references, their number, sizes in bytes, pointers to the values, number of values.
+pub type GetBinary = call!(*const Reference, usize, *mut usize, *mut *const u8, usize);
+/// `fmi3SetBinary`: references, their number, sizes in bytes, pointers to the values, number of values.
+pub type SetBinary = call!(*const Reference, usize, *const usize, *const *const u8, usize);
 /// `fmi3SerializeFMUState`.
 pub type SerializeState = call!(State, *mut u8, usize);
 /// `fmi3DeserializeFMUState`.

@@ -3,7 +3,7 @@
 //! In FMI 3.0, an array has one value reference, and a call reads or writes all its elements. Here, each element gets
 //! an unused value reference; [`Instance`](crate::loader::Instance) then calls the FMU for the entire array.
 
-use super::{BaseType, ModelDescription, Unknown, Value, Variable};
+use super::{ModelDescription, Unknown, Value, Variable};
 use crate::c_api::Reference;
 use std::collections::HashSet;
 use std::ops::Range;
@@ -24,15 +24,13 @@ pub struct ArrayElement {
 }
 
 impl ModelDescription {
-    /// The first and the last element of the array with this name, after [`Self::with_elements`].
-    pub fn elements_of(&self, array: &str) -> Option<[&Variable; 2]> {
-        let is_element = |variable: &&Variable| {
+    /// The elements of the array with this name, after [`Self::with_elements`]; empty if there is no such array.
+    pub fn elements_of<'d>(&'d self, array: &'d str) -> impl DoubleEndedIterator<Item = &'d Variable> {
+        let is_element = move |variable: &&Variable| {
             let rest = variable.element.and_then(|_| variable.name.strip_prefix(array));
             rest.is_some_and(|rest| rest.starts_with('[') && !rest[1..].contains('['))
         };
-        let mut elements = self.variables.iter().filter(is_element);
-        let first = elements.next()?;
-        Some([first, elements.next_back().unwrap_or(first)])
+        self.variables.iter().filter(is_element)
     }
 
     /// The value references that the elements of each array get; `None` for a variable that stays as it is.
@@ -46,7 +44,6 @@ impl ModelDescription {
         for (i, variable) in self.variables.iter().enumerate() {
             let is_chosen = variable.is_array()
                 && variable.alias_of.is_none()
-                && variable.base_type != BaseType::String
                 && counted + variable.size <= MAX_ELEMENTS
                 // An FMU may already have a variable with the name of an element.
                 && !variable.elements().iter().any(|name| self.by_name.contains_key(name));
@@ -71,7 +68,7 @@ impl ModelDescription {
     }
 
     /// Replaces arrays with a variable for each element: `a[1]`, `a[2]`, …, or `a[1,1]`, `a[1,2]`, …, row by row.
-    /// Arrays of Strings stay arrays, as do all further arrays once 20,000 elements are variables.
+    /// All further arrays stay arrays once 20,000 elements are variables.
     #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
@@ -176,8 +173,9 @@ mod tests {
         assert_eq!(v.element, Some(ArrayElement { array: d.variable("v").unwrap().reference, index: 3 }));
         assert_eq!(e.variable("bits[2]").unwrap().start, Some(Value::Boolean(false)));
         assert!(e.variable("v").is_none());
-        assert_eq!(e.elements_of("v").map(|ends| ends.map(|end| end.name.as_str())), Some(["v[1,1]", "v[2,3]"]));
-        assert!(e.elements_of("k").is_none());
+        let names = e.elements_of("v").map(|element| element.name.as_str());
+        assert_eq!(names.collect::<Vec<_>>(), ["v[1,1]", "v[1,2]", "v[1,3]", "v[2,1]", "v[2,2]", "v[2,3]"]);
+        assert_eq!(e.elements_of("k").count(), 0);
         // No two variables share a reference, and the other variables keep theirs.
         let mut references: Vec<_> = e.variables.iter().map(|variable| variable.reference).collect();
         references.sort_unstable();

@@ -365,15 +365,18 @@ mod tests {
         assert_eq!(inflow.starts, vec![Value::Real(0.25); 6], "one value for all elements");
         assert_eq!(d.variable("weights").unwrap().starts, [1, 2, 3].map(Value::Integer));
         let seed = d.variable("seed").unwrap();
-        assert_eq!((seed.start.as_ref(), &seed.other_start), (Some(&Value::Integer(5_000_000_000)), &None));
+        assert_eq!(seed.start, Some(Value::Unsigned(u64::MAX)));
         assert_eq!(d.variable("label").unwrap().start, Some(Value::String("a b".into())));
         let valve = d.variable("valve").unwrap();
         assert_eq!((valve.start.as_ref(), valve.items[1].name.as_str()), (Some(&Value::Integer(1)), "closed"));
-        assert_eq!(d.opaque_variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["image", "tick"]);
+        let image = d.variable("image").unwrap();
+        assert_eq!(image.start, Some(Value::Binary { hex: b"foo".to_vec() }));
+        assert_eq!((image.mime_type(), image.max_size), ("image/png", Some(1024)));
+        assert_eq!(d.opaque_variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["tick"]);
         assert_eq!(d.display_units(level).len(), 1, "the reciprocal is not read");
 
         assert_eq!(d.outputs.iter().map(|unknown| unknown.variable).collect::<Vec<_>>(), [d.index("level").unwrap()]);
-        assert_eq!(d.outputs[0].dependencies, Some(vec![d.index("inflow").unwrap()]), "without the Binary");
+        assert_eq!(d.outputs[0].dependencies, Some(["inflow", "image"].map(|name| d.index(name).unwrap()).to_vec()));
         assert_eq!((d.event_indicators.len(), d.number_of_event_indicators), (1, 6));
         assert_eq!(d.number_of_states(), 1);
     }

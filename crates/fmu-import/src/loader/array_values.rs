@@ -12,6 +12,9 @@ pub(super) struct Whole {
     /// Includes Booleans, whose C type is the same in FMI 2.0.
     pub(super) integers: Part<i32>,
     pub(super) wide: Part<i64>,
+    pub(super) exact: Part<i128>,
+    pub(super) texts: HashMap<Reference, Vec<String>>,
+    pub(super) binaries: HashMap<Reference, Vec<Vec<u8>>>,
 }
 
 #[derive(Default)]
@@ -55,12 +58,26 @@ impl Kept for i64 {
         if let Value::Integer(value) = start { Some(*value) } else { None }
     }
 }
+impl Kept for i128 {
+    fn part(whole: &mut Whole) -> &mut Part<Self> {
+        &mut whole.exact
+    }
+    fn of(start: &Value) -> Option<Self> {
+        start.whole()
+    }
+}
 
 /// Memory for type conversions. It is reused, so only the first transfer of an array allocates.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     pub(super) bytes: Vec<RawBoolean>,
     pub(super) bools: Vec<bool>,
+    /// Binaries of an entire array.
+    pub(super) binaries: Vec<Vec<u8>>,
+    /// Sizes of Binaries.
+    pub(super) sizes: Vec<usize>,
+    /// Bytes of Binaries, valid only in the call that reads them.
+    pub(super) pointers: Vec<*const u8>,
     f32: Vec<f32>,
     i8: Vec<i8>,
     u8: Vec<u8>,

@@ -4,15 +4,16 @@
 //! ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is read and written
 //! together with its entire array.
 
-use super::array_values::{Buffered, Kept};
+use super::array_values::{Buffered, Kept, Whole};
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
 use super::functions::{Functions, v3};
 use super::instance::Instance;
 use crate::c_api::v3::{Get, RawBoolean, Set};
 use crate::c_api::{self, Reference};
-use crate::description::{BaseType, DataType, FmiVersion};
+use crate::description::{BaseType, DataType, FmiVersion, Value};
 use crate::signature::Special;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Number of Booleans that are converted at once, on the stack.
@@ -25,7 +26,13 @@ impl Instance {
     /// Returns true if the variable has an integer type wider than `i32`.
     pub fn is_wide(&self, reference: Reference) -> bool {
         let data_type = self.signature().special(reference).map(|special| special.data_type);
-        matches!(data_type, Some(DataType::UInt32 | DataType::Int64 | DataType::UInt64))
+        matches!(data_type, Some(DataType::UInt32)) || self.is_exact(reference)
+    }
+
+    /// Returns true if the variable has an integer type with values that an `f64` cannot represent.
+    pub fn is_exact(&self, reference: Reference) -> bool {
+        let data_type = self.signature().special(reference).map(|special| special.data_type);
+        matches!(data_type, Some(DataType::Int64 | DataType::UInt64))
     }
 
     pub(super) fn has_elements(&self, refs: &[Reference]) -> bool {
@@ -96,6 +103,57 @@ impl Instance {
             part.values = array;
         }
         Ok(())
+    }
+
+    /// Like [`Self::set_elements`], for Strings and Binaries. `given` are the values that were set before initialization.
+    pub(super) fn set_list_elements<V: Clone>(
+        &mut self,
+        refs: &[Reference],
+        values: &[V],
+        given: impl Fn(&mut Whole) -> &mut HashMap<Reference, Vec<V>>,
+        of: impl Fn(&Value) -> Option<V>,
+        get: impl Fn(&mut Self, &[Reference]) -> Result<Vec<V>, CallError>,
+        set: impl Fn(&mut Self, &[Reference], &[V]) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        self.check_elements(Function::SetString, refs, values.len())?;
+        let mut rest = values;
+        for reference in refs {
+            let (own, others) = rest.split_at(self.elements(&[*reference]));
+            rest = others;
+            let Some((element, size)) = self.signature().element(*reference) else {
+                set(self, &[*reference], own)?;
+                continue;
+            };
+            let starts: Vec<V> = self.signature().starts(element.array).iter().filter_map(&of).collect();
+            let known = given(&mut self.whole).get(&element.array).cloned().or(Some(starts));
+            // Variables cannot be read before the initialization (FMI 3.0.2, section 2.3.2).
+            let mut array = match known.filter(|known| !self.has_entered && known.len() == size) {
+                Some(known) => known,
+                None => get(self, &[element.array])?,
+            };
+            array[element.index].clone_from(&own[0]);
+            set(self, &[element.array], &array)?;
+            if !self.has_entered {
+                given(&mut self.whole).insert(element.array, array);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads Strings or Binaries, including array elements.
+    pub(super) fn get_list_elements<V: Clone>(
+        &mut self,
+        refs: &[Reference],
+        get: impl Fn(&mut Self, &[Reference]) -> Result<Vec<V>, CallError>,
+    ) -> Result<Vec<V>, CallError> {
+        let mut values = Vec::new();
+        for reference in refs {
+            match self.signature().element(*reference) {
+                None => values.append(&mut get(self, &[*reference])?),
+                Some((element, _)) => values.push(get(self, &[element.array])?.swap_remove(element.index)),
+            }
+        }
+        Ok(values)
     }
 
     /// Before initialization, gets the values to which an array was set, or else its start values. Returns false if
@@ -235,19 +293,17 @@ impl Instance {
         Ok(())
     }
 
-    fn get_whole_as<S: Buffered + TryInto<i64>, T: WholeNumber>(
+    fn get_whole_as<S: Buffered + Into<i128>, T: WholeNumber>(
         &mut self,
         function: Function,
         reference: Reference,
         values: &mut [T],
         select: impl FnOnce(&v3::Functions) -> Option<Get<S>>,
     ) -> Result<(), CallError> {
-        self.get_as(function, reference, values, select, |value| {
-            value.try_into().ok().and_then(T::from_whole).ok_or(T::NOT_HELD)
-        })
+        self.get_as(function, reference, values, select, |value| T::from_whole(value.into()).ok_or(T::NOT_HELD))
     }
 
-    fn set_whole_as<S: Buffered + TryFrom<i64>, T: WholeNumber>(
+    fn set_whole_as<S: Buffered + TryFrom<i128>, T: WholeNumber>(
         &mut self,
         function: Function,
         reference: Reference,
@@ -416,15 +472,15 @@ impl Instance {
     }
 }
 
-/// A type that can represent Integers exactly: `i32`, `i64`, and `f64` up to 2^53.
+/// A type that can represent Integers exactly: `i32`, `i64`, `i128` (all types), and `f64` up to 2^53.
 #[allow(private_bounds, reason = "only the loader stores values")]
 pub trait WholeNumber: Kept {
     /// Error message for a value that the type cannot represent.
     const NOT_HELD: &'static str;
     /// Converts a number; `None` if the type cannot represent it.
-    fn from_whole(number: i64) -> Option<Self>;
+    fn from_whole(number: i128) -> Option<Self>;
     /// Converts to a number; `None` if the value is not a whole number.
-    fn whole(self) -> Option<i64>;
+    fn whole(self) -> Option<i128>;
     /// The values, if `Self` is the C type of an Integer in FMI 2.0.
     fn plain(_values: &[Self]) -> Option<&[i32]> {
         None
@@ -446,11 +502,11 @@ impl WholeNumber for i32 {
         Some(values)
     }
 
-    fn from_whole(number: i64) -> Option<Self> {
+    fn from_whole(number: i128) -> Option<Self> {
         number.try_into().ok()
     }
 
-    fn whole(self) -> Option<i64> {
+    fn whole(self) -> Option<i128> {
         Some(self.into())
     }
 }
@@ -458,11 +514,23 @@ impl WholeNumber for i32 {
 impl WholeNumber for i64 {
     const NOT_HELD: &'static str = "a value does not fit in a signed 64-bit integer";
 
-    fn from_whole(number: i64) -> Option<Self> {
+    fn from_whole(number: i128) -> Option<Self> {
+        number.try_into().ok()
+    }
+
+    fn whole(self) -> Option<i128> {
+        Some(self.into())
+    }
+}
+
+impl WholeNumber for i128 {
+    const NOT_HELD: &'static str = "a value has more than 64 bits";
+
+    fn from_whole(number: i128) -> Option<Self> {
         Some(number)
     }
 
-    fn whole(self) -> Option<i64> {
+    fn whole(self) -> Option<i128> {
         Some(self)
     }
 }
@@ -470,11 +538,11 @@ impl WholeNumber for i64 {
 impl WholeNumber for f64 {
     const NOT_HELD: &'static str = "a value is beyond 2^53 and cannot be represented exactly in a signal";
 
-    fn from_whole(number: i64) -> Option<Self> {
+    fn from_whole(number: i128) -> Option<Self> {
         (number.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS).then_some(number as Self)
     }
 
-    fn whole(self) -> Option<i64> {
-        (self.fract() == 0.0 && self.abs() <= (1_u64 << Self::MANTISSA_DIGITS) as Self).then_some(self as i64)
+    fn whole(self) -> Option<i128> {
+        (self.fract() == 0.0 && self.abs() <= (1_u64 << Self::MANTISSA_DIGITS) as Self).then_some(self as i128)
     }
 }

@@ -21,9 +21,9 @@ impl Instance {
                 values.into_iter().map(Value::Real).collect()
             }
             BaseType::Integer => {
-                let mut values = vec![0; variable.size];
+                let mut values = vec![0_i128; variable.size];
                 self.get_integer(&reference, &mut values)?;
-                values.into_iter().map(Value::Integer).collect()
+                values.into_iter().filter_map(Value::integer).collect()
             }
             BaseType::Boolean => {
                 let mut values = vec![0; variable.size];
@@ -31,7 +31,38 @@ impl Instance {
                 values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
             }
             BaseType::String => self.get_string(&reference)?.into_iter().map(Value::String).collect(),
+            BaseType::Binary => self.get_binary(&reference)?.into_iter().map(|hex| Value::Binary { hex }).collect(),
         })
+    }
+
+    /// Sets the values of all elements of a variable, which must have the type of the variable.
+    pub fn set_values(&mut self, variable: &Variable, values: &[Value]) -> Result<(), CallError> {
+        let reference = [variable.reference];
+        match variable.base_type {
+            BaseType::Real => {
+                let number = |value: &Value| if let Value::Real(number) = value { Some(*number) } else { None };
+                let values: Vec<f64> = values.iter().filter_map(number).collect();
+                self.set_real(&reference, &values)
+            }
+            BaseType::Integer => {
+                let values: Vec<i128> = values.iter().filter_map(Value::whole).collect();
+                self.set_integer(&reference, &values)
+            }
+            BaseType::Boolean => {
+                let values: Vec<i32> = values.iter().map(|value| i32::from(*value == Value::Boolean(true))).collect();
+                self.set_boolean(&reference, &values)
+            }
+            BaseType::String => {
+                let text = |value: &Value| if let Value::String(text) = value { Some(text.clone()) } else { None };
+                let texts: Vec<String> = values.iter().filter_map(text).collect();
+                self.set_string(&reference, &texts.iter().map(String::as_str).collect::<Vec<_>>())
+            }
+            BaseType::Binary => {
+                let bytes = |value: &Value| if let Value::Binary { hex } = value { Some(hex.clone()) } else { None };
+                let values: Vec<Vec<u8>> = values.iter().filter_map(bytes).collect();
+                self.set_binary(&reference, &values)
+            }
+        }
     }
 
     /// Sets a scalar, which must have the value's type.
@@ -39,8 +70,10 @@ impl Instance {
         match value {
             Value::Real(value) => self.set_real(&[reference], &[*value]),
             Value::Integer(value) => self.set_integer(&[reference], &[*value]),
+            Value::Unsigned(value) => self.set_integer(&[reference], &[i128::from(*value)]),
             Value::Boolean(value) => self.set_boolean(&[reference], &[i32::from(*value)]),
             Value::String(value) => self.set_string(&[reference], &[value]),
+            Value::Binary { hex } => self.set_binary(&[reference], &[hex]),
         }
     }
 
@@ -72,7 +105,7 @@ impl Instance {
         plain.resize(values.len(), 0);
         let result = self.get_plain_integers(refs, &mut plain);
         for (value, plain) in values.iter_mut().zip(&plain) {
-            *value = T::from_whole(i64::from(*plain)).unwrap_or(*value);
+            *value = T::from_whole(i128::from(*plain)).unwrap_or(*value);
         }
         self.buffers.i32 = plain;
         result
@@ -104,6 +137,9 @@ impl Instance {
 
     /// `fmi2GetString`, `fmi3GetString`: one String per element.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
+        if self.has_special(refs) && self.has_elements(refs) {
+            return self.get_list_elements(refs, Self::get_string);
+        }
         let mut pointers = vec![ptr::null(); self.elements(refs)];
         self.get_plain(Function::GetString, refs, &mut pointers, |f| f.get_string, |f| f.get_string)?;
         // SAFETY: the FMU filled in C strings that stay valid until its next function is called.
@@ -208,6 +244,14 @@ impl Instance {
 
     /// `fmi2SetString`, `fmi3SetString`: one String per element.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
+        if self.has_special(refs) && self.has_elements(refs) {
+            let texts: Vec<String> = values.iter().map(|text| (*text).to_owned()).collect();
+            let of = |start: &Value| if let Value::String(text) = start { Some(text.clone()) } else { None };
+            let set = |this: &mut Self, refs: &[Reference], texts: &[String]| {
+                this.set_string(refs, &texts.iter().map(String::as_str).collect::<Vec<_>>())
+            };
+            return self.set_list_elements(refs, &texts, |whole| &mut whole.texts, of, Self::get_string, set);
+        }
         self.same_length(Function::SetString, self.elements(refs), values.len())?;
         let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
         self.set_plain(Function::SetString, refs, &pointers, |f| f.set_string, |f| f.set_string)

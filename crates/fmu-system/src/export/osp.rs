@@ -45,6 +45,8 @@ fn simulator(xml: &mut Xml, component: &Component, step: &str) -> io::Result<()>
                     Value::Integer(v) => ("Integer", v.to_string()),
                     Value::Boolean(v) => ("Boolean", v.to_string()),
                     Value::String(v) => ("String", v.clone()),
+                    // Only FMI 3.0 has these types, and such a system is not written for libcosim.
+                    Value::Unsigned(_) | Value::Binary { .. } => ("String", value.value.text()),
                 };
                 element(xml, "InitialValue", &[("variable", &value.name)], |xml| empty(xml, tag, &[("value", &text)]))?;
             }

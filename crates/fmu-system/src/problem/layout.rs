@@ -9,6 +9,11 @@ const RENAMED: [(&str, &str); 1] = [("unit", "component")];
 pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<String>) {
     let message = error.message().replace('\n', ", ");
     let key = error.span().and_then(|span| key_before(text, span.start));
+    // The parser reads integers of 64 bits with a sign.
+    if message.starts_with("u64 value was too large") {
+        let message = "integers must be at most 9223372036854775807".to_owned();
+        return (message, Some("write the value of a larger UInt64 in quotes".to_owned()));
+    }
     if let Some(message) = wrong_type(&message, key) {
         return (message, None);
     }
@@ -166,6 +171,15 @@ mod tests {
         let (message, help) = explain(&toml::from_str::<toml::Table>(text).unwrap_err(), text);
         assert_eq!(message, "duplicate key");
         assert!(help.is_some_and(|help| help.contains("`[[name]]`")));
+    }
+
+    /// TOML 1.0.0, section Integer.
+    #[test]
+    fn integers_beyond_64_bits_with_a_sign_have_a_help() {
+        let text = "id = 9223372036854775808";
+        let (message, help) = explain(&toml::from_str::<toml::Table>(text).unwrap_err(), text);
+        assert_eq!(message, "integers must be at most 9223372036854775807");
+        assert_eq!(help.as_deref(), Some("write the value of a larger UInt64 in quotes"));
     }
 
     #[test]

@@ -4,18 +4,18 @@ use super::pattern::{is_match, matches, split_pattern};
 use super::system::{CaseComponent, Column, Resolver, System, context, near_outputs, outputs};
 use crate::plan;
 use crate::spanned::Spanned;
-use fmu_import::description::{Causality, Variable};
+use fmu_import::description::{BaseType, Causality, Variable};
 use std::collections::{BTreeSet, HashMap};
 
 impl Resolver<'_> {
     /// All recorded signals, in the order of the scenario's components and the FMUs' variables.
     pub(super) fn columns(&mut self, systems: &[System<'_>]) -> Vec<Column> {
-        for pattern in &self.scenario.record.signals {
+        for pattern in self.record.clone() {
             let (component, text) = split_pattern(pattern.get_ref());
-            if component.is_some() && self.component_and_name(pattern).is_none() {
+            if component.is_some() && self.component_and_name(&pattern).is_none() {
                 continue;
             }
-            self.check_pattern(systems, pattern, component, text);
+            self.check_pattern(systems, &pattern, component, text);
         }
         // If several components record the same signal, the first one in the scenario keeps the plain name, so that
         // adding a component does not rename it.
@@ -86,7 +86,7 @@ impl Resolver<'_> {
     /// Finds the patterns of recorded signals that no output matches in any case.
     pub(super) fn find_patterns_of_inputs(&mut self, systems: &[System<'_>]) {
         let all = outputs(systems, None);
-        let patterns = self.scenario.record.signals.iter().map(|pattern| pattern.as_str());
+        let patterns = self.record.iter().map(|pattern| pattern.get_ref().clone());
         self.of_inputs =
             patterns.filter(|pattern| !all.iter().any(|(owner, name)| is_match(pattern, owner, name))).collect();
     }
@@ -119,7 +119,7 @@ impl Resolver<'_> {
         component: Option<&str>,
         text: &str,
     ) {
-        if self.of_inputs.contains(&pattern.as_str()) && self.is_input(systems, pattern) {
+        if self.of_inputs.contains(pattern.get_ref()) && self.is_input(systems, pattern) {
             return;
         }
         let all = outputs(systems, component);
@@ -163,6 +163,7 @@ fn column(member: &CaseComponent<'_>, variable: &Variable, shared: bool) -> Colu
             description: variable.description.clone().unwrap_or_default(),
             units,
             from_file: false,
+            is_binary: variable.base_type == BaseType::Binary,
         },
     }
 }

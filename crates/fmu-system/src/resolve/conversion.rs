@@ -41,6 +41,18 @@ pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange>
     }
 }
 
+/// Help for a connection of two types of which the second does not have all values of the first.
+pub(super) fn narrowing(output: &Variable, input: &Variable) -> Option<String> {
+    let [from, to] = [output, input].map(|variable| variable.data_type);
+    let is_narrowing = output.base_type == input.base_type && !from.widens_to(to);
+    is_narrowing.then(|| {
+        format!(
+            "{to} does not have all values of {from}: connect an output of a type that {to} includes, or put a \
+             component between them that converts the value"
+        )
+    })
+}
+
 fn is_plain_number(member: &CaseComponent<'_>, variable: &Variable) -> bool {
     let base = |name| member.found.description.unit(name).and_then(|unit| unit.base);
     variable.unit.as_deref().is_none_or(|name| base(name) == Some(PLAIN))

@@ -236,12 +236,12 @@ impl Inputs {
         let whole = |value: f64| {
             // From 2^53 on, a number in the file may have been rounded to an integer.
             let is_whole = value.fract() == 0.0 && value.abs() < (1_u64 << f64::MANTISSA_DIGITS) as f64;
-            Some(value as i64).filter(|whole| is_whole && variable.integers().contains(whole))
+            Some(value as i128).filter(|whole| is_whole && variable.integers().contains(whole))
         };
         let misfit = |(time, value): (&f64, &f64)| {
             let rule = match variable.base_type {
                 BaseType::Integer => match whole(*value) {
-                    None if variable.integers().contains(&(i64::from(i32::MAX) + 1)) => {
+                    None if variable.integers().contains(&(i128::from(i32::MAX) + 1)) => {
                         format!("is {}, which takes only whole numbers below 2^53 from a file", variable.data_type)
                     }
                     None => format!("is {}", variable.base_type),

@@ -12,7 +12,23 @@ use fmu_import::description::{Causality, Initial, Value, Variability};
 use fmu_import::names::suggestion;
 
 impl Resolver<'_> {
+    /// The column of a signal of numbers.
     fn column_index(&mut self, written: &Spanned<String>, systems: &[System<'_>], columns: &[Column]) -> Option<usize> {
+        let index = self.any_column_index(written, systems, columns)?;
+        if columns[index].plan.is_binary {
+            let message = format!("`{}` is a Binary; metrics and figures need numbers", written.get_ref());
+            self.problems.add(written.span(), message);
+            return None;
+        }
+        Some(index)
+    }
+
+    fn any_column_index(
+        &mut self,
+        written: &Spanned<String>,
+        systems: &[System<'_>],
+        columns: &[Column],
+    ) -> Option<usize> {
         let (component, name) = split_pattern(written.get_ref());
         if component.is_some() {
             self.component_and_name(written)?;
@@ -156,6 +172,7 @@ impl Resolver<'_> {
                 _ if output.variability != Variability::Discrete => continue,
                 (Some(Initial::Exact), Some(Value::Real(start))) => *start,
                 (Some(Initial::Exact), Some(Value::Integer(start))) => *start as f64,
+                (Some(Initial::Exact), Some(Value::Unsigned(start))) => *start as f64,
                 (Some(Initial::Exact), Some(Value::Boolean(start))) => f64::from(u8::from(*start)),
                 _ => continue,
             };

@@ -24,6 +24,12 @@ impl Resolver<'_> {
         reader: &Variable,
     ) -> Result<Source, ()> {
         let inputs = self.inputs.as_mut().ok_or(())?;
+        if let Some(binary) = [variable, reader].into_iter().find(|variable| variable.base_type == BaseType::Binary) {
+            let message = format!("`{}` is a Binary, which the input file cannot write", binary.name);
+            let help = format!("rename the column `{}`", inputs.name(column));
+            self.problems.add_with_help(member.component.name.span(), message, Some(help));
+            return Err(());
+        }
         let target = Target::of(&member.found.description, variable);
         let feed = inputs.feed(column, &target, interpolation(variable, reader)).ok_or(())?;
         inputs.check_values(feed, member.name(), variable);

@@ -2,7 +2,7 @@
 
 use super::fmus::Found;
 use super::inputs::Inputs;
-use super::pattern::{is_match, matches};
+use super::pattern::{is_match, matches, split_pattern};
 use crate::parameter;
 use crate::plan;
 use crate::problem::{Collector, Context};
@@ -91,8 +91,10 @@ pub(super) struct Resolver<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) problems: Collector,
     pub(super) inputs: Option<Inputs>,
+    /// Patterns of recorded signals; the name of an array stands for the pattern of its elements.
+    pub(super) record: Vec<Spanned<String>>,
     /// Patterns of recorded signals that match no output and are therefore for inputs.
-    pub(super) of_inputs: Vec<&'a str>,
+    pub(super) of_inputs: Vec<String>,
     pub(super) folder: &'a Path,
     /// Parameter sets by path as written.
     pub(super) sets: HashMap<String, ParameterSet>,
@@ -117,8 +119,25 @@ impl Resolver<'_> {
         Some((component, name, written.span()))
     }
 
+    /// Replaces the names of arrays in the patterns of recorded signals by patterns of their elements.
+    pub(super) fn record_arrays(&mut self, systems: &[System<'_>]) {
+        let members = || systems.iter().flat_map(|system| &system.members);
+        for pattern in &mut self.record {
+            let (component, name) = split_pattern(pattern);
+            let is_array = |member: &CaseComponent<'_>| {
+                let description = &member.found.description;
+                component.is_none_or(|component| component == member.name())
+                    && description.index(name).is_none()
+                    && description.elements_of(name).next().is_some()
+            };
+            if members().any(is_array) {
+                *pattern = Spanned::new(pattern.span(), format!("{}[*]", pattern.get_ref()));
+            }
+        }
+    }
+
     pub(super) fn is_recorded(&self, component: &str, signal: &str) -> bool {
-        self.scenario.record.signals.iter().any(|pattern| is_match(pattern.get_ref(), component, signal))
+        self.record.iter().any(|pattern| is_match(pattern.get_ref(), component, signal))
     }
 }
 
@@ -162,7 +181,10 @@ pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name
     }
     let mut texts = members().flat_map(|member| member.all(Causality::Output).map(|(_, variable)| variable));
     if let Some(text) = texts.find(|text| text.base_type == BaseType::String && matches(name, &text.name)) {
-        return format!("`{}` is a String; only numbers, Booleans and enumerations can be recorded", text.name);
+        return format!(
+            "`{}` is a String; only numbers, Booleans, enumerations and Binaries can be recorded",
+            text.name
+        );
     }
     if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
         return format!("did you mean `{other}:{name}`?");

@@ -6,13 +6,16 @@ use crate::parameter::{self, Mistake};
 use crate::run::Setting;
 use crate::scenario::{self, Case, Given, Values};
 use crate::spanned::Spanned;
-use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use fmu_import::bytes::BinaryText;
+use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, Value, Variable};
+use fmu_import::limits;
 use fmu_import::named_values::listed;
 use fmu_import::names::suggestion;
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::path::Path;
 
 /// Parameters of an FMU that can be set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,7 +124,7 @@ impl Resolver<'_> {
         names: Names,
     ) -> Vec<(&'m Variable, Value)> {
         let mut found: Vec<(&Variable, Value)> = Vec::new();
-        for (name, written) in values {
+        for (name, written) in &self.with_elements(values, member) {
             if let Some(variable) = self.parameter(name.get_ref(), name.span(), None, member, names)
                 && !self.is_set_twice(&found, variable, name)
                 && let Some(value) = self.value(&member.found.description, variable, written)
@@ -130,6 +133,40 @@ impl Resolver<'_> {
             }
         }
         found
+    }
+
+    /// Replaces the lists that are values of arrays by the values of their elements.
+    fn with_elements(&mut self, values: &Values, member: &CaseComponent<'_>) -> Vec<(Spanned<String>, Spanned<Given>)> {
+        let description = &member.found.description;
+        let mut all = Vec::new();
+        for (name, written) in values {
+            let elements: Vec<&Variable> = match &written.0 {
+                toml::Value::Array(_) if description.index(name).is_none() => description.elements_of(name).collect(),
+                _ => Vec::new(),
+            };
+            let Some(last) = elements.last() else {
+                all.push((name.clone(), written.clone()));
+                continue;
+            };
+            let mut list = Vec::new();
+            let shape = flattened(&written.0, &mut list);
+            let lengths: Vec<usize> = indices(&last.name[name.len()..]);
+            if list.len() != elements.len() || shape.is_none_or(|shape| shape.len() > 1 && shape != lengths) {
+                let of = lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ");
+                let message = format!("`{}` is an array of {of} elements, got a list of {}", **name, list.len());
+                let help = match lengths.len() {
+                    1 => format!("write a list of {of} values"),
+                    _ => format!("write {} values row by row, or a list with a list for each row", elements.len()),
+                };
+                self.problems.add_with_help(written.span(), message, Some(help));
+                continue;
+            }
+            all.extend(elements.into_iter().zip(list).map(|(element, value)| {
+                let name = Spanned::new(name.span(), element.name.clone());
+                (name, Spanned::new(written.span(), Given(value)))
+            }));
+        }
+        all
     }
 
     fn is_set_twice(&mut self, found: &[(&Variable, Value)], variable: &Variable, name: &Spanned<String>) -> bool {
@@ -232,10 +269,11 @@ impl Resolver<'_> {
 
     fn constants_of_level(&mut self, level: &Values, is_of_component: bool, member: &CaseComponent<'_>) -> Constants {
         let mut constants = BTreeMap::new();
+        let level = self.with_elements(level, member);
         // A plain name takes precedence over a pattern, so patterns come first.
         for is_plain in [false, true] {
             let mut by_pattern: BTreeMap<usize, &str> = BTreeMap::new();
-            for (pattern, written) in level {
+            for (pattern, written) in &level {
                 let text = pattern.as_str();
                 if text.contains('*') == is_plain {
                     continue;
@@ -275,7 +313,11 @@ impl Resolver<'_> {
         variable: &Variable,
         written: &Spanned<Given>,
     ) -> Option<Value> {
-        let result = convert(description, variable, &written.0).and_then(|value| {
+        let converted = match variable.base_type {
+            BaseType::Binary if !variable.is_array() => bytes(variable, &written.0, self.folder),
+            _ => convert(description, variable, &written.0),
+        };
+        let result = converted.and_then(|value| {
             parameter::check(variable, &value).map_err(|message| (message, None))?;
             Ok(match value {
                 Value::String(text) => self.string(&text),
@@ -337,6 +379,7 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
             BaseType::Integer => "a whole number",
             BaseType::Boolean => "true or false",
             BaseType::String => "a string",
+            BaseType::Binary => BYTES,
         };
         Err((format!("`{name}` must be {expected}, got {found}"), None))
     };
@@ -346,7 +389,10 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
         // rounded.
         (toml::Value::Integer(v), BaseType::Real) => Ok(Value::Real(*v as f64)),
         (toml::Value::Integer(v), BaseType::Integer) => Ok(Value::Integer(*v)),
-        (toml::Value::String(name), BaseType::Integer) => named(variable, name),
+        (toml::Value::String(text), BaseType::Integer) => match large(variable, text) {
+            Some(value) => Ok(value),
+            None => named(variable, text),
+        },
         (toml::Value::Boolean(v), BaseType::Boolean) => Ok(Value::Boolean(*v)),
         (toml::Value::String(v), BaseType::String) => Ok(Value::String(v.clone())),
         (toml::Value::Table(table), base_type) => {
@@ -370,6 +416,57 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
             convert_unit(description, variable, number, unit)
         }
         (other, _) => wrong(&shown(other)),
+    }
+}
+
+/// Appends the values in a list, row by row, and returns its lengths; `None` if the lengths of its rows differ.
+fn flattened(written: &toml::Value, list: &mut Vec<toml::Value>) -> Option<Vec<usize>> {
+    let toml::Value::Array(rows) = written else {
+        list.push(written.clone());
+        return Some(Vec::new());
+    };
+    let shapes: Vec<Option<Vec<usize>>> = rows.iter().map(|row| flattened(row, list)).collect();
+    let is_regular = shapes.iter().all(|shape| shape.is_some() && *shape == shapes[0]);
+    let of_row = shapes.into_iter().next().flatten().unwrap_or_default();
+    is_regular.then(|| std::iter::once(rows.len()).chain(of_row).collect())
+}
+
+/// The numbers in the indices of an element, such as `[2,3]`.
+fn indices(text: &str) -> Vec<usize> {
+    text.trim_matches(['[', ']']).split(',').filter_map(|index| index.parse().ok()).collect()
+}
+
+/// The number in a string. TOML has integers of 64 bits with a sign, so a larger UInt64 is a string of digits.
+fn large(variable: &Variable, text: &str) -> Option<Value> {
+    let is_large = variable.data_type == DataType::UInt64 && text.bytes().all(|digit| digit.is_ascii_digit());
+    text.parse().ok().filter(|_| is_large).and_then(Value::integer)
+}
+
+const BYTES: &str = "a string in Base64, { file = \"..\" } or { hex = \"..\" }";
+
+/// The bytes of a Binary.
+fn bytes(variable: &Variable, written: &toml::Value, folder: &Path) -> Result<Value, Mistake> {
+    let name = &variable.name;
+    let decoded = |encoding: BinaryText, text: &str, rule: &str| {
+        let bytes = encoding.decode(text).ok_or_else(|| {
+            let help = "{ file = \"..\" } reads the bytes of a file".to_owned();
+            (format!("`{name}` is the string {text:?}, which is not {rule}"), Some(help))
+        })?;
+        Ok(Value::Binary { hex: bytes })
+    };
+    let only = written.as_table().filter(|table| table.len() == 1).and_then(|table| table.iter().next());
+    match (written, only) {
+        (toml::Value::String(text), _) => decoded(BinaryText::Base64, text, "Base64"),
+        (_, Some((key, toml::Value::String(text)))) if key == "hex" => {
+            decoded(BinaryText::Hex, text, "a list of hexadecimal digits in pairs")
+        }
+        (_, Some((key, toml::Value::String(path)))) if key == "file" => {
+            let path = folder.join(path);
+            let read = limits::read_bytes(&path, limits::BINARY_FILE);
+            let reason = |cause| (format!("`{name}`: cannot read {}: {cause}", path.display()), None);
+            Ok(Value::Binary { hex: read.map_err(reason)? })
+        }
+        (other, _) => Err((format!("`{name}` must be {BYTES}, got {}", shown(other)), None)),
     }
 }
 

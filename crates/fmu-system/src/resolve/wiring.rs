@@ -1,6 +1,6 @@
 //! The wires of a case: the source of each input.
 
-use super::conversion::{self, compatible, convertible};
+use super::conversion::{self, compatible, convertible, narrowing};
 use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use crate::parameter;
@@ -115,8 +115,9 @@ impl<'a> Resolver<'a> {
                     (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
                     // The invalid constant has been reported.
                     (Ok(None), Some((None, _))) => (),
-                    // Nothing can be connected to a String input, which keeps its start value.
+                    // Nothing can be connected to a String input, which keeps its start value, as does a Binary.
                     (Ok(None), None) if variable.base_type == BaseType::String && variable.start.is_some() => (),
+                    (Ok(None), None) if variable.base_type == BaseType::Binary => (),
                     (Ok(None), None) if variable.element.is_some() => elements.push(variable.name.as_str()),
                     (Ok(None), None) => missing.push(variable.name.as_str()),
                     (Err(()), _) => (),
@@ -225,8 +226,9 @@ impl<'a> Resolver<'a> {
             let writers = member.names(v).filter_map(|name| outputs.get(name)).flatten();
             writers.filter(|(other, _)| *other != m).copied()
         };
-        let own = self.column(Some(member.name()), name);
-        let own = own.or_else(|| explicit.is_none().then(|| self.column(None, name)).flatten());
+        let by_name = |component| member.names(v).find_map(|name| self.column(component, name));
+        let own = by_name(Some(member.name()));
+        let own = own.or_else(|| explicit.is_none().then(|| by_name(None)).flatten());
         if let Some(column) = own {
             let from = explicit.map_or_else(|| others().next().filter(|_| others().count() == 1), Result::ok);
             lost.extend(from.map(|from| (from, column)));
@@ -272,6 +274,7 @@ impl<'a> Resolver<'a> {
                 )
             };
             let help = convertible((writer, output), (member, input)).is_ok().then(explicit);
+            let help = help.or_else(|| narrowing(output, input));
             self.problems.add_with_help(member.component.name.span(), message, help);
             return Err(());
         }
@@ -336,7 +339,11 @@ impl<'a> Resolver<'a> {
 
     fn connections(&mut self, system: &System<'_>) -> Connections {
         let mut connections = Connections::new();
+        let mut expanded = Vec::new();
         for connection in self.expanded(system) {
+            expanded.append(&mut self.by_element(system, connection));
+        }
+        for connection in expanded {
             let from = self.end(system, &connection.from, Causality::Output);
             let to = self.end(system, &connection.to, Causality::Input);
             self.problems.set_context(Some(context(system.case, None)));
@@ -353,7 +360,8 @@ impl<'a> Resolver<'a> {
                 (member, member.variable(v))
             };
             if let Err(message) = convertible(ends(from), ends(to)) {
-                self.problems.add(connection.to.span(), message);
+                let help = narrowing(ends(from).1, ends(to).1);
+                self.problems.add_with_help(connection.to.span(), message, help);
             }
             if connections.insert(to, Ok(from)).is_some() {
                 self.problems
@@ -405,6 +413,41 @@ impl<'a> Resolver<'a> {
             }));
         }
         all
+    }
+
+    /// Splits a connection of two arrays into connections of their elements. The arrays must have the same lengths.
+    fn by_element(&mut self, system: &System<'_>, connection: Cow<'a, Connection>) -> Vec<Cow<'a, Connection>> {
+        let elements = |end: &Spanned<String>| -> Vec<String> {
+            let Some((component, name)) = end.split_once(':') else { return Vec::new() };
+            let description = system.member(component).map(|m| &system.members[m].found.description);
+            let arrays = description.filter(|description| description.index(name).is_none());
+            let indices = |of: &Variable| of.name[name.len()..].to_owned();
+            arrays.map_or(Vec::new(), |description| description.elements_of(name).map(indices).collect())
+        };
+        let [from, to] = [&connection.from, &connection.to].map(elements);
+        if from.is_empty() || to.is_empty() {
+            return vec![connection];
+        }
+        if from != to {
+            let last = |list: &[String]| list.last().cloned().unwrap_or_default();
+            let message = format!(
+                "`{}` is an array up to {}, but its target `{}` is one up to {}",
+                connection.from.get_ref(),
+                last(&from),
+                connection.to.get_ref(),
+                last(&to)
+            );
+            let help = "connect arrays with the same lengths, or element by element";
+            self.problems.set_context(Some(context(system.case, None)));
+            self.problems.add_with_help(connection.to.span(), message, Some(help.to_owned()));
+            self.problems.set_context(None);
+            return Vec::new();
+        }
+        let of = |index: &String| {
+            let with = |end: &Spanned<String>| Spanned::new(end.span(), format!("{}{index}", end.get_ref()));
+            Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to) })
+        };
+        from.iter().map(of).collect()
     }
 
     fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
@@ -583,6 +626,7 @@ impl<'a> Resolver<'a> {
                     feed.map_or_else(|| output_slots.get(&(m, v)).copied(), |feed| feed_slots.get(feed).copied())
                 })
                 .collect(),
+            binary: self.scenario.record.binary,
         }
     }
 }

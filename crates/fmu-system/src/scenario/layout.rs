@@ -4,6 +4,7 @@ use crate::metrics::{Combine, Kind};
 use crate::report::{Expect, FigureKind, Level};
 use crate::run::Order;
 use crate::spanned::Spanned;
+use fmu_import::bytes::BinaryText;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
@@ -17,19 +18,32 @@ pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<Given>>;
 /// Component -> values.
 pub(crate) type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
 
-/// Value of a variable: a number, a Boolean, a String, the name of an enumeration's value, or a number with its unit.
-#[derive(Debug, Deserialize, JsonSchema)]
+/// Value of a variable: a number, a Boolean, a String, the name of an enumeration's value, a number with its unit, the
+/// bytes of a Binary (a text in Base64, or a file), or a list with the values of an array.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub(crate) struct Given(#[schemars(schema_with = "forms_of_values")] pub(crate) toml::Value);
 
 fn forms_of_values(_: &mut SchemaGenerator) -> Schema {
-    json_schema!({ "anyOf": [{ "type": ["number", "boolean", "string"] }, {
+    json_schema!({ "anyOf": [{ "type": ["number", "boolean", "string", "array"] }, {
         "type": "object",
         "properties": {
             "value": { "type": "number", "description": "The number." },
             "unit": { "type": "string", "description": "Unit of the value: that of the variable or a display unit." }
         },
         "required": ["value", "unit"],
+        "additionalProperties": false
+    }, {
+        "type": "object",
+        "properties": {
+            "file": { "type": "string", "description": "Path of a file with the bytes, relative to the scenario." }
+        },
+        "required": ["file"],
+        "additionalProperties": false
+    }, {
+        "type": "object",
+        "properties": { "hex": { "type": "string", "description": "The bytes as hexadecimal digits." } },
+        "required": ["hex"],
         "additionalProperties": false
     }] })
 }
@@ -309,6 +323,8 @@ pub(crate) struct Record {
     pub(crate) signals: Vec<Spanned<String>>,
     /// Number of steps between two rows; 1 if absent.
     pub(crate) every: Option<Spanned<i64>>,
+    /// Text of Binaries in the file: base64 (default) or hex.
+    pub(crate) binary: Option<BinaryText>,
 }
 
 /// A number computed from each run.

@@ -235,8 +235,11 @@ impl Pool {
             failed("the worker process sent an unexpected response".to_owned())
         };
         match response {
-            Response::Recorded { rows, columns, messages, seconds } => {
-                protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
+            Response::Recorded { rows, columns, exact, messages, seconds } => {
+                let recording = protocol::recording(rows, &columns, messages, seconds, worker.body());
+                recording
+                    .map(|recording| Recording { exact: exact.into_iter().collect(), ..recording })
+                    .map_err(|_| unexpected(slot))
             }
             Response::Failed { failure, rows } => {
                 let recorded = rows.map(|(rows, columns)| {

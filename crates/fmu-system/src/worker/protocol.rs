@@ -2,11 +2,12 @@
 
 use crate::failure::Failure;
 use crate::results::Part;
-use crate::run::{InputSeries, Interpolation, Recording, Run, Setting, Simulation, Trial};
+use crate::run::{Exact, InputSeries, Interpolation, Recording, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::io;
 use std::sync::Arc;
 
@@ -49,6 +50,9 @@ pub(super) enum Response {
     Recorded {
         rows: usize,
         columns: Vec<bool>,
+        /// Exact values by column.
+        #[serde(default)]
+        exact: Vec<(usize, Exact)>,
         messages: Vec<(String, Message)>,
         seconds: f64,
     },
@@ -102,9 +106,10 @@ pub(super) fn series(list: &[Series], mut body: &[f64]) -> io::Result<Vec<InputS
 
 impl Response {
     /// A recording as header and body.
-    pub(super) fn recorded(recording: Recording) -> (Self, Vec<Vec<f64>>) {
+    pub(super) fn recorded(mut recording: Recording) -> (Self, Vec<Vec<f64>>) {
+        let exact = std::mem::take(&mut recording.exact).into_iter().collect();
         let ((rows, columns), body, messages, seconds) = parts(recording);
-        (Self::Recorded { rows, columns, messages, seconds }, body)
+        (Self::Recorded { rows, columns, exact, messages, seconds }, body)
     }
 
     /// A failure as header, and the rows before it as body.
@@ -125,7 +130,7 @@ impl Response {
 type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
 
 fn parts(recording: Recording) -> Parts {
-    let Recording { time, columns, messages, seconds } = recording;
+    let Recording { time, columns, messages, seconds, .. } = recording;
     let rows = (time.len(), columns.iter().map(Option::is_some).collect());
     (rows, std::iter::once(time).chain(columns.into_iter().flatten()).collect(), messages, seconds)
 }
@@ -140,7 +145,7 @@ pub(super) fn recording(
     let mut take = || body.take(rows).ok_or_else(|| invalid("a body is too short"));
     let time = take()?;
     let columns = columns.iter().map(|has| has.then(&mut take).transpose()).collect::<io::Result<_>>()?;
-    Ok(Recording { time, columns, messages, seconds })
+    Ok(Recording { time, columns, exact: BTreeMap::new(), messages, seconds })
 }
 
 #[cfg(test)]

@@ -51,6 +51,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 part.write(names, recording)?;
                 recording.time.drain(..recording.time.len().saturating_sub(1));
                 recording.columns.clear();
+                recording.exact.clear();
                 io::Result::Ok(())
             };
             let executed = master::record(&simulation, &run, libraries, !is_repeated);

@@ -82,6 +82,8 @@ fn variable(element: &Element, types: &Types<'_>) -> Result<Variable, XmlError> 
         BaseType::Integer => own.parsed::<i32>("start", "a whole number")?.map(|value| Value::Integer(value.into())),
         BaseType::Boolean => own.boolean("start")?.map(Value::Boolean),
         BaseType::String => own.attribute("start").map(|s| Value::String(s.to_string())),
+        // FMI 2.0 has no Binaries.
+        BaseType::Binary => None,
     };
     let derivative_of = own
         .parsed::<usize>("derivative", "the number of a variable, from 1")?

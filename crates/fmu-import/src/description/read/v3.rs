@@ -4,6 +4,7 @@ use super::types::{self, Type, Types};
 use super::{
     MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_kinds, check_length, word,
 };
+use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 use crate::description::{
     Causality, DataType, Dimension, FmiVersion, Initial, OpaqueVariable, Unknown, Value, Variable,
@@ -35,7 +36,7 @@ struct VariableReader<'a> {
     variables: Variables,
     /// The XML element of each variable. For an alias, this is the element of the variable to which it belongs.
     elements: Vec<&'a Element>,
-    /// Indices of the variables by value reference; `None` for a Binary or a Clock.
+    /// Indices of the variables by value reference; `None` for a Clock.
     indices: HashMap<Reference, Option<usize>>,
 }
 
@@ -80,7 +81,6 @@ impl<'a> VariableReader<'a> {
                     initial: Some(Initial::Calculated),
                     start: None,
                     starts: Vec::new(),
-                    other_start: None,
                     alias_of: Some(index),
                     ..variable.clone()
                 },
@@ -111,7 +111,7 @@ impl<'a> VariableReader<'a> {
             let alias_of = self.variables.list[i].alias_of;
             if let Some(reference) = derivative.filter(|_| alias_of.is_none()) {
                 let of = self.index(element, reference)?;
-                let opaque = || element.place.error(format!("value reference {reference} is a Binary or a Clock"));
+                let opaque = || element.place.error(format!("value reference {reference} is a Clock"));
                 self.variables.list[i].derivative_of = Some(of.ok_or_else(opaque)?);
             }
             let dimensions = self.dimensions(element)?;
@@ -193,7 +193,7 @@ impl<'a> VariableReader<'a> {
         Ok(total)
     }
 
-    /// An entry in the model structure; `None` for a Binary or Clock variable.
+    /// An entry in the model structure; `None` for a Clock.
     fn unknown(&self, element: &Element) -> Result<Option<Unknown>, XmlError> {
         let reference = element
             .parsed("valueReference", "a whole number from 0")?
@@ -216,7 +216,7 @@ impl<'a> VariableReader<'a> {
 
 /// Parses a value in a list; `None` if it does not have this type.
 fn value(text: &str, data_type: DataType) -> Option<Value> {
-    fn integer<T: FromStr + Into<i64>>(text: &str) -> Option<i64> {
+    fn integer<T: FromStr + Into<i128>>(text: &str) -> Option<i128> {
         text.parse::<T>().ok().map(Into::into)
     }
     let value = match data_type {
@@ -236,35 +236,35 @@ fn value(text: &str, data_type: DataType) -> Option<Value> {
         DataType::Int32 => integer::<i32>(text),
         DataType::UInt32 => integer::<u32>(text),
         DataType::Int64 | DataType::Enumeration => integer::<i64>(text),
-        // Values above the range of an i64 were handled with `is_wide`.
-        DataType::UInt64 => text.parse::<u64>().ok().and_then(|value| value.try_into().ok()),
+        DataType::UInt64 => integer::<u64>(text),
         DataType::String | DataType::Binary | DataType::Clock => None,
     };
-    value.map(Value::Integer)
-}
-
-/// True for an integer that a [`Value`] cannot represent.
-fn is_wide(text: &str, data_type: DataType) -> bool {
-    data_type == DataType::UInt64 && text.parse::<u64>().is_ok_and(|value| i64::try_from(value).is_err())
+    value.and_then(Value::integer)
 }
 
 /// Reads the start values of a variable; its size must be known.
 fn start_values(element: &Element, variable: &mut Variable) -> Result<(), XmlError> {
     let name = &variable.name;
     let mut values = Vec::new();
-    if variable.data_type == DataType::String {
-        let starts = element.children.iter().filter(|child| child.name == "Start");
-        values.extend(starts.map(|start| Value::String(start.attribute("value").unwrap_or_default().to_string())));
+    if matches!(variable.data_type, DataType::String | DataType::Binary) {
+        for start in element.children.iter().filter(|child| child.name == "Start") {
+            let text = start.attribute("value").unwrap_or_default();
+            values.push(match variable.data_type {
+                DataType::String => Value::String(text.to_string()),
+                _ => Value::Binary {
+                    hex: BinaryText::Hex.decode(text.trim()).ok_or_else(|| {
+                        let message = format!("a start value of `{name}` is not a list of hexadecimal digits in pairs");
+                        start.place.error(message)
+                    })?,
+                },
+            });
+        }
         if values.is_empty() {
             return Ok(());
         }
     } else {
         let Some(written) = element.attribute("start") else { return Ok(()) };
         for text in written.split_ascii_whitespace() {
-            if is_wide(text, variable.data_type) {
-                variable.other_start = Some(written.to_string());
-                return Ok(());
-            }
             values.push(value(text, variable.data_type).ok_or_else(|| {
                 let article = if "AEIOU".contains(&element.name[..1]) { "an" } else { "a" };
                 let message = format!("the start value \"{text}\" of `{name}` is not {article} {}", element.name);

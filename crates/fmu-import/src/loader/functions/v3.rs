@@ -6,10 +6,8 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 20] = [
+pub(super) const UNUSED: [&str; 18] = [
     "fmi3InstantiateScheduledExecution",
-    "fmi3GetBinary",
-    "fmi3SetBinary",
     "fmi3GetClock",
     "fmi3SetClock",
     "fmi3GetNumberOfVariableDependencies",
@@ -64,6 +62,8 @@ table! {
         set_int64: v3::Set<i64> = "fmi3SetInt64",
         get_uint64: v3::Get<u64> = "fmi3GetUInt64",
         set_uint64: v3::Set<u64> = "fmi3SetUInt64",
+        get_binary: v3::GetBinary = "fmi3GetBinary",
+        set_binary: v3::SetBinary = "fmi3SetBinary",
         get_state: c_api::AccessState = "fmi3GetFMUState",
         set_state: c_api::SetState = "fmi3SetFMUState",
         free_state: c_api::AccessState = "fmi3FreeFMUState",
