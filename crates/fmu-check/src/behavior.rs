@@ -11,6 +11,7 @@ mod reset;
 mod stack;
 mod states;
 mod step_size;
+mod types;
 mod values;
 
 use super::{Checked, Event, Finding, Options, Severity, Topic};
@@ -218,7 +219,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 15] = [
+        let stages: [(&str, Topic, Stage<'_>); 16] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -232,6 +233,7 @@ impl Trial<'_> {
             ("dependencies at the start", Standard, Self::initial_dependencies),
             ("dependencies between steps", Standard, Self::step_dependencies),
             ("step size of the solver", Simulation, Self::step_size),
+            ("types of FMI 3.0", Standard, Self::types),
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),
         ];

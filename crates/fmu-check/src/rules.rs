@@ -252,6 +252,13 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
             error(format!("its start value {start} is outside of its limits, {min} to {max}"));
         }
     }
+    for start in variable.start.iter().chain(&variable.starts) {
+        if let (Value::Binary { hex }, Some(most)) = (start, variable.max_size)
+            && hex.len() > most
+        {
+            error(format!("its start value has {} bytes, but its `maxSize` is {most}", hex.len()));
+        }
+    }
     let items = variable.declared_type.as_deref().and_then(|name| known.items.get(name));
     for start in variable.start.iter().chain(&variable.starts) {
         if let (Some(items), Value::Integer(value)) = (items, start)
