@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use fmu_import::archive::{Archive, ArchiveError};
-use fmu_import::description::{Causality, FmiVersion, Interface, ModelDescription};
+use fmu_import::description::{Causality, DataType, FmiVersion, Interface, ModelDescription, Variable};
 use fmu_import::terminal::{indented, line};
 use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -190,17 +190,38 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     interfaces
 }
 
-/// Prints the variables that scenarios neither read nor set.
+/// Prints the Clocks, which scenarios neither read nor set.
 fn opaque(description: &ModelDescription) {
     let variables = &description.opaque_variables;
     if variables.is_empty() {
         return;
     }
-    outln!("\nBinary and Clock variables; scenarios cannot use them ({})", variables.len());
+    outln!("\nClocks; scenarios cannot use them ({})", variables.len());
     let width = variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
     for variable in variables {
         let (name, text) = (line(&variable.name), variable.description.as_deref().unwrap_or_default());
-        outln!("  {name:width$}  {}  {}", variable.data_type, line(text));
+        outln!("  {name:width$}  {}", line(text));
+    }
+}
+
+/// The description, with the properties that only FMI 3.0 has in brackets: type, content of a Binary, other name.
+fn described(description: &ModelDescription, variable: &Variable) -> String {
+    use DataType::{Binary, Boolean, Enumeration, Float64, Int32, String as Text};
+    let mut properties = Vec::new();
+    if let Some(of) = variable.alias_of {
+        properties.push(format!("alias of `{}`", description.variables[of].name));
+    }
+    if !matches!(variable.data_type, Float64 | Int32 | Boolean | Text | Enumeration) {
+        properties.push(variable.data_type.to_string());
+    }
+    if variable.data_type == Binary {
+        properties.push(variable.mime_type().to_owned());
+        properties.extend(variable.max_size.map(|size| format!("at most {size} bytes")));
+    }
+    let text = variable.description.clone().unwrap_or_default();
+    match properties.is_empty() {
+        true => text,
+        false => format!("{text} [{}]", properties.join(", ")).trim_start().to_owned(),
     }
 }
 
@@ -214,7 +235,7 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
                 format!("{}{}", variable.name, variables::lengths(variable)),
                 variables::start(variable),
                 variable.unit.clone().unwrap_or_default(),
-                variable.description.clone().unwrap_or_default(),
+                described(description, variable),
             ]
             .map(|cell| line(&cell).into_owned())
         })

@@ -22,6 +22,30 @@ fn printed(folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
+/// Only the description is read, so the FMU has that of another one.
+#[test]
+fn properties_that_only_fmi_3_has_are_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = include_str!("../../fmu-import/tests/data/decay3.xml");
+    let (_, sum) = text.split_once("<Int64 name=\"sum\"").unwrap();
+    let sum = sum.lines().next().unwrap();
+    let others = sum.replace("/>", "><Alias name=\"total\" description=\"Sum\"/></Int64>")
+        + "\n    <Binary name=\"image\" valueReference=\"90\" causality=\"input\" mimeType=\"image/png\" maxSize=\"8\">\
+           <Start value=\"00ff\"/></Binary>\n    <Binary name=\"raw\" valueReference=\"91\" causality=\"input\">\
+           <Start value=\"\"/></Binary>\n    <Clock name=\"tick\" valueReference=\"92\" intervalVariability=\"constant\"/>";
+    Decay { edits: &[(sum, &others)], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+    let listed = printed(folder.path(), &["inspect", "Decay3.fmu"]);
+    for expected in [
+        "  total      Sum [alias of `sum`, Int64]\n",
+        "  wide               7      [UInt64]\n",
+        "  image  0x00ff   [Binary, image/png, at most 8 bytes]\n",
+        "  raw        0x   [Binary, application/octet-stream]\n",
+        "\nClocks; scenarios cannot use them (1)\n  tick",
+    ] {
+        assert!(listed.contains(expected), "{expected}: {listed}");
+    }
+}
+
 #[test]
 fn an_fmu_of_fmi_3_is_listed_and_validated() {
     let folder = tempfile::tempdir().unwrap();
