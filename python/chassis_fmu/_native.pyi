@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Array: TypeAlias = NDArray[np.float64]
+_Values: TypeAlias = _Array | NDArray[np.int64] | NDArray[np.uint64] | list[bytes]
 
 class MetricError(Exception):
     """A metric that cannot be computed."""
@@ -36,7 +37,7 @@ class ScenarioError(Exception):
 class RunFailedError(Exception):
     """A run that failed: its arguments are the time (s; None before the first step) and a message."""
 
-_Value: TypeAlias = float | int | bool | str
+_Value: TypeAlias = float | int | bool | str | bytes
 _Change: TypeAlias = tuple[str, str, _Value]
 _Status: TypeAlias = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
 Row: TypeAlias = tuple[
@@ -73,7 +74,7 @@ class System:
         take: Callable[[int, _Array | None, list[_Array | None], str | None], None],
     ) -> None: ...
     def execute_here(self, changes: Sequence[_Change], runs: Sequence[int]) -> list[Row]: ...
-    def simulate(self, changes: Sequence[_Change], run: int) -> tuple[_Array, list[_Array | None]]: ...
+    def simulate(self, changes: Sequence[_Change], run: int) -> tuple[_Array, list[_Values | None]]: ...
 
 class Session:
     """A run that advances step by step. Inputs can be overwritten, signals read, and states saved and restored."""

@@ -105,14 +105,17 @@ def report(scenario: Plan, request: Request) -> str:
 
 def _convert(scenario: Plan, runs: Path, finished: set[str]) -> None:
     """Convert the CSV files of the complete runs to Parquet."""
-    units = {column.name: column.unit or "" for column in scenario.columns}
+    units = {column.name: column.unit or "" for column in scenario.columns if not column.is_binary}
+    texts = [column.name for column in scenario.columns if column.is_binary]
     for run in scenario.runs:
         if run.id in finished:
-            recording = results.read_csv(runs / f"{run.stem}.csv")
+            path = runs / f"{run.stem}.csv"
+            recording = results.read_csv(path, list(units))
+            binaries = results.read_binaries(path, texts, run.binary)
             names = list(recording.values)
             rows = np.column_stack([np.empty((len(recording.times), 0)), *recording.values.values()])
             of_names = [units[name] for name in names]
-            results.write_parquet(runs / f"{run.stem}.parquet", names, of_names, recording.times, rows)
+            results.write_parquet(runs / f"{run.stem}.parquet", names, of_names, recording.times, rows, binaries)
 
 
 def execute(request: Request) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -141,6 +142,8 @@ def _find(fmu: str | Path) -> Path:
 
 
 def _text(value: Value) -> str:
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -16,14 +16,17 @@ from . import _native, libpython, program
 from .files import plan
 from .program import PACKAGE, ROOT
 
-Value: TypeAlias = "float | int | bool | str"
+Value: TypeAlias = "float | int | bool | str | bytes"
 Values: TypeAlias = Mapping[str, Value]
-"""Values by `component:variable`, in the units of the variables; enumerations by name or number."""
+"""Values by `component:variable`, in the units of the variables; enumerations by name or number, Binaries as bytes."""
 
 Column: TypeAlias = "NDArray[np.float64]"
 
 Recorded: TypeAlias = "tuple[Column, list[Column | None]]"
 """Times of a run, and the columns of the plan; None where the case has no such component."""
+
+ExactColumn: TypeAlias = "Column | NDArray[np.int64] | NDArray[np.uint64] | list[bytes]"
+"""A column with the exact values: those of an Int64 or UInt64 are integers, those of a Binary are bytes."""
 
 Status = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
 
@@ -300,21 +303,21 @@ class Scenario:
     ) -> pa.Table:
         """Run a case with changed values in this process and return its recorded signals, with a column `time` (s).
 
-        Units are in the field metadata; `to_pandas()` makes a data frame. The arrays are not copied. Raises `RunError`
-        if the run fails.
+        Units are in the field metadata; `to_pandas()` makes a data frame. Columns of Int64, UInt64 and Binary variables
+        have these types. The arrays are not copied. Raises `RunError` if the run fails.
         """
         index = self.index(case, point, seed)
         times, columns = self.record(tuple((values or {}).items()), index)
-        names, arrays, units = ["time"], [times], ["s"]
+        names, arrays, units = ["time"], [pa.array(times)], ["s"]
         for column, array in zip(self.plan.columns, columns, strict=True):
             if array is not None:
                 names.append(column.name)
-                arrays.append(array)
+                arrays.append(pa.array(array))
                 units.append(column.unit or "1")
-        fields = [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
+        fields = [pa.field(n, a.type, metadata={"unit": u}) for n, a, u in zip(names, arrays, units, strict=True)]
         return pa.table(arrays, schema=pa.schema(fields))
 
-    def record(self, values: tuple[tuple[str, Value], ...], run: int) -> Recorded:
+    def record(self, values: tuple[tuple[str, Value], ...], run: int) -> tuple[Column, list[ExactColumn | None]]:
         """Run with changed values in this process; returns the times and the columns of the plan."""
         with run_error():
             return self._native.simulate(self._changes(Sample(values, (run,))), run)
@@ -332,16 +335,16 @@ class Scenario:
             return _native.Session(self._native, run, changes, [_split(name) for name in inputs], columns)
 
     def _changes(self, sample: Sample) -> list[tuple[str, str, Value]]:
-        """Return the changes of a sample; raises `TypeError` for a value that is not a number, bool or str."""
+        """Return the changes of a sample; raises `TypeError` for a value that is not a number, bool, str or bytes."""
         for name, value in sample.values:
-            if isinstance(value, bool | int | float | str):
+            if isinstance(value, bool | int | float | str | bytes):
                 continue
             try:
                 # Accepts NumPy numbers.
                 float(value)
             except (TypeError, ValueError):
                 raise TypeError(
-                    f"`{name}` must be a number in the unit of the variable, a bool or a str, got {value!r}; "
+                    f"`{name}` must be a number in the unit of the variable, a bool, a str or bytes, got {value!r}; "
                     f'`variable("{name}").from_unit(number, "unit")` converts a number from another unit'
                 ) from None
         return [(*_split(name), value) for name, value in sample.values]

@@ -10,12 +10,14 @@ use fmu_system::master::{self, Recording};
 use fmu_system::parameter::{self, Settable};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, OtherFmu, file_of, resolve};
-use fmu_system::run::{Run, Simulation};
+use fmu_system::run::{Exact, Run, Simulation};
 use fmu_system::worker::Pool;
 use numpy::{IntoPyArray as _, PyArray1};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::{PyBytes, PyList};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
@@ -51,8 +53,9 @@ pub(crate) fn study(file: PathBuf, folders: Vec<PathBuf>, runs: Option<u64>) -> 
 #[derive(FromPyObject)]
 pub(crate) enum Given {
     Boolean(bool),
-    Integer(i32),
+    Integer(i128),
     Real(f64),
+    Bytes(PyBackedBytes),
     Text(String),
 }
 
@@ -60,8 +63,10 @@ impl Given {
     /// Converts to a value of a variable. Integers are valid for Reals, names of enum values for Integers.
     fn of(self, variable: &Variable) -> Result<Value, String> {
         let value = match (self, variable.base_type) {
-            (Self::Integer(value), BaseType::Real) => Value::Real(f64::from(value)),
-            (Self::Integer(value), _) => Value::Integer(value.into()),
+            (Self::Integer(value), BaseType::Real) => Value::Real(value as f64),
+            (Self::Integer(value), _) => Value::integer(value)
+                .ok_or_else(|| format!("`{}` is {value}, expected a whole number of 64 bits", variable.name))?,
+            (Self::Bytes(bytes), _) => Value::Binary { hex: bytes.to_vec() },
             (Self::Real(value), BaseType::Integer) if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) => {
                 Value::Integer(value as i64)
             }
@@ -86,8 +91,28 @@ fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::Real(value) => value.into_pyobject(py)?.into_any(),
         Value::Integer(value) => value.into_pyobject(py)?.into_any(),
+        Value::Unsigned(value) => value.into_pyobject(py)?.into_any(),
         Value::Boolean(value) => value.into_pyobject(py)?.to_owned().into_any(),
         Value::String(value) => value.into_pyobject(py)?.into_any(),
+        Value::Binary { hex } => PyBytes::new(py, hex).into_any(),
+    })
+}
+
+/// Converts the values of a column for Python.
+fn values(py: Python<'_>, numbers: Vec<f64>, exact: Option<Exact>) -> PyResult<Bound<'_, PyAny>> {
+    Ok(match exact {
+        None => numbers.into_pyarray(py).into_any(),
+        Some(Exact::Binaries { values, .. }) => {
+            PyList::new(py, values.iter().map(|value| PyBytes::new(py, value)))?.into_any()
+        }
+        Some(Exact::Integers(values)) => {
+            let signed: Result<Vec<i64>, _> = values.iter().map(|value| i64::try_from(*value)).collect();
+            match signed {
+                Ok(signed) => signed.into_pyarray(py).into_any(),
+                // Only a UInt64 has greater values.
+                Err(_) => values.iter().map(|value| *value as u64).collect::<Vec<_>>().into_pyarray(py).into_any(),
+            }
+        }
     })
 }
 
@@ -229,20 +254,24 @@ impl System {
         failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
     }
 
-    /// Executes a run in this process and returns its times and columns.
+    /// Executes a run in this process and returns its times and columns. A column of an Int64 or UInt64 has this type,
+    /// and a column of a Binary is a list of `bytes`.
     #[expect(clippy::type_complexity, reason = "a tuple for Python")]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
         changes: Vec<Changed>,
         run: usize,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Vec<Option<Bound<'py, PyArray1<f64>>>>)> {
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Vec<Option<Bound<'py, PyAny>>>)> {
         let changed = self.changed(changes, run)?;
         let fmus = self.fmus_here()?;
         let recorded = py.detach(|| master::execute(&self.plan.simulation, &changed, fmus));
-        let recording = recorded.map_err(run_failure)?;
-        let columns = recording.columns.into_iter().map(|column| column.map(|values| values.into_pyarray(py)));
-        Ok((recording.time.into_pyarray(py), columns.collect()))
+        let Recording { time, columns, mut exact, .. } = recorded.map_err(run_failure)?;
+        let columns = columns
+            .into_iter()
+            .enumerate()
+            .map(|(index, numbers)| numbers.map(|numbers| values(py, numbers, exact.remove(&index))).transpose());
+        Ok((time.into_pyarray(py), columns.collect::<PyResult<_>>()?))
     }
 }
 

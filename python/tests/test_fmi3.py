@@ -22,7 +22,8 @@ from fmpy.model_description import ModelDescription
 from lxml import etree
 from numpy.typing import NDArray
 
-from tests.commands import CARGO_FMU
+import chassis_fmu as cf
+from tests.commands import CARGO_FMU, chassis
 
 _spec = importlib.util.spec_from_file_location("test_validators", Path(__file__).with_name("test_validators.py"))
 assert _spec is not None
@@ -174,6 +175,24 @@ LIMITS: dict[str, list[Any]] = {
 for bits in (8, 16, 32, 64):
     LIMITS[f"Int{bits}"] = [-(2 ** (bits - 1)), 2 ** (bits - 1) - 1]
     LIMITS[f"UInt{bits}"] = [0, 2**bits - 1]
+
+
+HEAD = """title = "All types"
+simulation = { stop = 1.0, step = 0.5 }
+case = [{ name = "only", title = "Only" }]
+"""
+
+# Texts of the values in the scenario of the guide, by the names of the outputs. The Float32 is 0.1 as a Float64.
+EXPECTED = {
+    "Float32_discrete": "0.10000000149011612",
+    "Float64_continuous": "0.1",
+    **{f"{sign}Int{bits}": "1.0" for bits in (8, 16, 32) for sign in ("", "U")},
+    "Int64": "-9223372036854775808",
+    "UInt64": "18446744073709551615",
+    "Boolean": "1.0",
+    "Binary": "00ff0001",
+    "Enumeration": "2.0",
+}
 
 
 def test_every_type_passes_through_fmpy(tmp_path: Path) -> None:
@@ -389,6 +408,37 @@ def test_fmpy_gets_intermediate_updates(tmp_path: Path) -> None:
     assert abs(fmu.getFloat64(required)[1] - rebound * gravity * bounce) < 1e-8
     fmu.terminate()
     fmu.freeInstance()
+@pytest.mark.parametrize("engine", ["native", "fmpy"])
+def test_the_scenario_of_the_guide_keeps_every_value(engine: str, tmp_path: Path) -> None:
+    """Each output of Feedthrough is its input, so both instances have the values of the scenario."""
+    guide = (validators.ROOT / "docs" / "guide" / "src" / "scenarios.md").read_text(encoding="utf-8")
+    (block,) = [block for block in guide.split("```") if block.startswith("toml\n") and 'fmu = "Feedthrough"' in block]
+    scenario = tmp_path / "all_types.toml"
+    scenario.write_text(HEAD + block.removeprefix("toml\n"), encoding="utf-8")
+    (tmp_path / "frame.bin").write_bytes(bytes([0x00, 0xFF, 0x00, 0x01]))
+    options = ("--fmus", FOLDER3, "--out", tmp_path, "--no-page", "--engine", engine)
+    assert chassis("run", scenario, *options)[0] == 0
+    rows = (tmp_path / "all_types" / "runs" / "only.csv").read_text().splitlines()
+    assert rows[0].split(",")[1:] == [f"{name}_output" for name in EXPECTED]
+    for row in rows[1:]:
+        assert row.split(",")[1:] == list(EXPECTED.values())
+    assert len(rows) == 4
+
+
+def test_python_gets_the_exact_values(tmp_path: Path) -> None:
+    """The reference is the value that is set."""
+    scenario = tmp_path / "one.toml"
+    inputs = '"*Int*_input" = 1, "Float*" = 0.5, Boolean_input = false, Enumeration_input = 1, Binary_input = "Zm9v"'
+    component = f'component = [{{ name = "one", fmu = "Feedthrough", inputs = {{ {inputs} }} }}]'
+    scenario.write_text(f'{HEAD}{component}\nrecord = {{ signals = ["*"] }}\n', encoding="utf-8")
+    values: dict[str, int | bytes] = {"one:Int64_input": -(2**63), "one:UInt64_input": 2**64 - 1}
+    values["one:Binary_input"] = bytes([0, 255])
+    table = cf.Scenario(scenario, fmus=[FOLDER3]).simulate(values)
+    for name, value in values.items():
+        column = table[name.removeprefix("one:").replace("input", "output")]
+        assert column.to_pylist() == [value] * 3
+    with pytest.raises(cf.ScenarioError, match="expected a whole number from 0 to 18446744073709551615"):
+        cf.Scenario(scenario, fmus=[FOLDER3]).simulate({"one:UInt64_input": -1})
 
 
 def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:

@@ -108,12 +108,15 @@ class Worker:
     def respond(self, request: Request, body: Array) -> tuple[dict[str, Any], Array]:
         """Execute a run and write its rows; returns header and body of the response."""
         run = msgspec.structs.replace(request.run, series=series_of(request, body))
+        texts: dict[int, list[str]] = {}
         begin = time.perf_counter()
         try:
             simulation, repeated = request.simulation, request.is_repeated
-            rows = master.simulate(run, simulation, self._instance, board=self._board, is_repeated=repeated)
+            rows = master.simulate(
+                run, simulation, self._instance, board=self._board, is_repeated=repeated, texts=texts
+            )
             seconds = time.perf_counter() - begin
-            last = self._write(request, *rows)
+            last = self._write(request, *rows, texts)
         except master.RunError as error:
             kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
             kind = "Fatal" if error.fatal else kind
@@ -123,7 +126,7 @@ class Worker:
             if error.recorded is not None:
                 # If the rows cannot be written, the failure is still reported.
                 with contextlib.suppress(OSError):
-                    recorded = self._write(request, *error.recorded)
+                    recorded = self._write(request, *error.recorded, texts)
             return _failed(run.id, failure, recorded)
         except Exception as error:
             failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
@@ -132,11 +135,11 @@ class Worker:
         return {"Recorded": {"rows": 1, "columns": [], "messages": logged, "seconds": seconds}}, last
 
     @staticmethod
-    def _write(request: Request, times: Array, rows: Array) -> Array:
+    def _write(request: Request, times: Array, rows: Array, texts: dict[int, list[str]]) -> Array:
         """Write the rows of a run; returns the time of the last row."""
         names, file = request.csv
         present = [name for name, slot in zip(names, request.run.columns, strict=True) if slot is not None]
-        results.write_csv(Path(file.hidden), present, times, rows)
+        results.write_csv(Path(file.hidden), present, times, rows, texts)
         return times[-1:]
 
 

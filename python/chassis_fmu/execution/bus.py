@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import ctypes
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.plan import BaseType, Wire
+from ..files.plan import BaseType, BinaryText, Wire
 
 Array = NDArray[np.floating[Any]]
 
@@ -63,7 +64,7 @@ class WholeGroup(_Group):
     """Integers or Booleans, which are doubles on the bus.
 
     A Boolean output is 0 or 1 there, and a Boolean input is true above 0.5, so Real and Boolean can be connected.
-    Integers that can have more than 32 bits form a separate group (`wide`).
+    UInt32 variables form a separate group (`wide`).
     """
 
     def __init__(self, wires: Sequence[Wire], bus: Array, kind: BaseType, wide: bool = False) -> None:
@@ -85,6 +86,23 @@ class WholeGroup(_Group):
     def store(self) -> None:
         """Put the values onto the bus."""
         self.bus[self.slots] = self.buffer != 0 if self.kind == "Boolean" else self.buffer
+
+
+class ExactValues:
+    """The values that a double cannot represent, by slot of the bus: those of Int64, UInt64 and Binary outputs."""
+
+    def __init__(self) -> None:
+        self.integers: dict[int, int] = {}
+        self.binaries: dict[int, bytes] = {}
+
+    def text(self, slot: int, encoding: BinaryText | None) -> str | None:
+        """Return the text of a value in a file of results; None if the slot has a double."""
+        if slot in self.integers:
+            return str(self.integers[slot])
+        value = self.binaries.get(slot)
+        if value is None:
+            return None
+        return value.hex() if encoding == "hex" else base64.b64encode(value).decode()
 
 
 def of_type(wires: Iterable[Wire], kind: BaseType) -> list[Wire]:

@@ -47,6 +47,8 @@ SPECIAL: Mapping[str, tuple[str, Any]] = {
 
 # Integers whose values can exceed the range of a 32-bit signed integer.
 WIDE = ("UInt32", "Int64", "UInt64")
+# Types with values that a double does not represent.
+EXACT = ("Int64", "UInt64")
 # Signals are doubles, which represent all whole numbers up to this one.
 LARGEST_WHOLE = 2**53
 
@@ -76,6 +78,7 @@ class Functions:
     def __init__(self, library: Any, types: Mapping[int, str]) -> None:
         self._library = library
         self._types = types
+        self.exact = {reference for reference, name in types.items() if name in EXACT}
         self._special = {reference for reference, name in types.items() if name not in PLAIN}
         self.wide = {reference for reference, name in types.items() if name in WIDE}
         self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
@@ -188,6 +191,46 @@ class Functions:
             for i, flag in zip(part, flags, strict=True):
                 values[i] = flag
         return OK
+
+    def exact_function(self, verb: str, reference: int) -> str:
+        """Return the name of the function that gets or sets an Int64 or UInt64."""
+        return f"fmi3{verb}{self._types[reference]}"
+
+    def get_exact(self, component: Any, reference: int) -> tuple[int, int]:
+        """Return the status, and the value of an Int64 or UInt64."""
+        name, kind = SPECIAL[self._types[reference]]
+        value = (kind * 1)()
+        status = _getter(self._library, f"fmi3Get{name}", kind)(component, (ctypes.c_uint * 1)(reference), 1, value, 1)
+        return int(status), int(value[0])
+
+    def set_exact(self, component: Any, reference: int, value: int) -> int:
+        """Set an Int64 or UInt64; returns an error for a value outside of its range."""
+        name, kind = SPECIAL[self._types[reference]]
+        values = (kind * 1)(value)
+        if values[0] != value:
+            return ERROR
+        set_value = _getter(self._library, f"fmi3Set{name}", kind)
+        return set_value(component, (ctypes.c_uint * 1)(reference), 1, values, 1)
+
+    def get_binary(self, component: Any, reference: int) -> tuple[int, bytes]:
+        """Return the status, and the value of a Binary, whose bytes are copied."""
+        size, value = (ctypes.c_size_t * 1)(), (ctypes.c_void_p * 1)()
+        status = self._binary("Get")(component, (ctypes.c_uint * 1)(reference), 1, size, value, 1)
+        if not OK <= status < DISCARD or not size[0]:
+            return status, b""
+        return (status, ctypes.string_at(value[0], size[0])) if value[0] else (ERROR, b"")
+
+    def set_binary(self, component: Any, reference: int, value: bytes) -> int:
+        """Set a Binary."""
+        buffer = ctypes.create_string_buffer(value, max(len(value), 1))
+        pointer = (ctypes.c_void_p * 1)(ctypes.addressof(buffer))
+        size = (ctypes.c_size_t * 1)(len(value))
+        return self._binary("Set")(component, (ctypes.c_uint * 1)(reference), 1, size, pointer, 1)
+
+    def _binary(self, verb: str) -> Callable[..., int]:
+        sizes, values = ctypes.POINTER(ctypes.c_size_t), ctypes.POINTER(ctypes.c_void_p)
+        name, count = f"fmi3{verb}Binary", ctypes.c_size_t
+        return _function(self._library, name, _REFERENCES, count, sizes, values, count)
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Set Strings."""

@@ -29,9 +29,9 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
-from ..files.plan import Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
+from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
 from . import calls, fmi3
-from .bus import Array, RealInputs, RealOutputs, WholeGroup, of_type
+from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
 
 OK = 0
@@ -192,7 +192,15 @@ class FmpyInstance:
 class Slave:
     """A running component: its instance and its connection to the bus."""
 
-    def __init__(self, component: Component, instance: Instance, bus: Array, board: Board, index: int) -> None:
+    def __init__(
+        self,
+        component: Component,
+        instance: Instance,
+        bus: Array,
+        board: Board,
+        index: int,
+        exact: ExactValues | None = None,
+    ) -> None:
         self.component = component
         self.instance = instance
         self._board = board
@@ -204,6 +212,10 @@ class Slave:
         self._functions = instance.functions
         # Value references of integers that can have more than 32 bits.
         self._wide: set[int] = instance.functions.wide if component.fmi == "3.0" else set()
+        # Value references of Int64 and UInt64.
+        self._exact: set[int] = instance.functions.exact if component.fmi == "3.0" else set()
+        self._exact_values = exact or ExactValues()
+        self._bus = bus
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
         self._set_real = self._functions.fmi2SetReal
@@ -212,11 +224,17 @@ class Slave:
         self._outputs = RealOutputs(of_type(component.outputs, "Real"), bus)
         self._whole_inputs = self._whole_groups(component.inputs, bus)
         self._whole_outputs = self._whole_groups(component.outputs, bus)
+        self._exact_inputs, self._exact_outputs = map(self._exact_wires, (component.inputs, component.outputs))
+        self._binary_inputs = of_type(component.inputs, "Binary")
+        self._binary_outputs = of_type(component.outputs, "Binary")
         self._restore_rounding("fmi2Instantiate")
 
+    def _exact_wires(self, wires: Sequence[Wire]) -> list[Wire]:
+        return [w for w in of_type(wires, "Integer") if w.reference in self._exact]
+
     def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> list[WholeGroup]:
-        """Group the 32-bit Integers, the Booleans and the wider Integers; empty groups are left out."""
-        integers = of_type(wires, "Integer")
+        """Group the 32-bit Integers, the Booleans and the UInt32 variables; empty groups are left out."""
+        integers = [w for w in of_type(wires, "Integer") if w.reference not in self._exact]
         groups = (
             WholeGroup([w for w in integers if w.reference not in self._wide], bus, "Integer"),
             WholeGroup(of_type(wires, "Boolean"), bus, "Boolean"),
@@ -270,19 +288,44 @@ class Slave:
         """Set parameters or constant inputs, one call each."""
         for s in settings:
             value: Any
+            subject = f"{s.name} = {s.value!r}"
+            if s.reference in self._exact:
+                self._call_exact("Set", s.reference, time, int(s.value), subject)  # type: ignore[arg-type]
+                continue
+            if isinstance(s.value, Bytes):
+                self._set_binary(s.reference, time, bytes.fromhex(s.value.hex), s.name)
+                continue
             if s.type == "Real":
                 value = (ctypes.c_double * 1)(float(s.value))
             elif s.type == "Integer":
                 value = ((ctypes.c_int64 if s.reference in self._wide else ctypes.c_int) * 1)(int(s.value))
                 if value[0] != s.value:
                     # ctypes lets integers overflow silently.
-                    self.check(ERROR, "fmi2SetInteger", time, f"{s.name} = {s.value!r}")
+                    self.check(ERROR, "fmi2SetInteger", time, subject)
             elif s.type == "Boolean":
                 value = (ctypes.c_int * 1)(int(bool(s.value)))
             else:
                 value = (ctypes.c_char_p * 1)(str(s.value).encode())
             reference = (ctypes.c_uint * 1)(s.reference)
-            self.call(f"fmi2Set{s.type}", time, reference, 1, value, subject=f"{s.name} = {s.value!r}")
+            self.call(f"fmi2Set{s.type}", time, reference, 1, value, subject=subject)
+
+    def _call_exact(self, verb: str, reference: int, time: float, value: int = 0, subject: str = "") -> int:
+        """Get or set an Int64 or UInt64; returns the value."""
+        name = self._functions.exact_function(verb, reference)
+        self._enter(name)
+        if verb == "Get":
+            status, value = self._functions.get_exact(self._component, reference)
+        else:
+            status = self._functions.set_exact(self._component, reference, value)
+        self._restore_rounding(name)
+        self.check(status, name, time, subject)
+        return value
+
+    def _set_binary(self, reference: int, time: float, value: bytes, name: str) -> None:
+        self._enter("fmi3SetBinary")
+        status = self._functions.set_binary(self._component, reference, value)
+        self._restore_rounding("fmi3SetBinary")
+        self.check(status, "fmi3SetBinary", time, f"{name} with {len(value)} bytes")
 
     def set(self, time: float) -> None:
         """Set the wired inputs from the bus."""
@@ -299,6 +342,15 @@ class Slave:
             if not whole.load():
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
             self.call(name, time, whole.references, whole.count, whole.values)
+        for wire in self._exact_inputs:
+            signal = float(self._bus[wire.slot])
+            integer = self._exact_values.integers.get(wire.slot)
+            if integer is None and (not signal.is_integer() or abs(signal) > fmi3.LARGEST_WHOLE):
+                name = self._functions.exact_function("Set", wire.reference)
+                self.check(ERROR, name, time, "a value does not fit the type of the variable")
+            self._call_exact("Set", wire.reference, time, int(signal) if integer is None else integer)
+        for wire in self._binary_inputs:
+            self._set_binary(wire.reference, time, self._exact_values.binaries.get(wire.slot, b""), wire.name)
 
     def step(self, time: float, step: float) -> RunError | None:
         """Advance from `time` by `step`.
@@ -349,6 +401,17 @@ class Slave:
         for whole in self._whole_outputs:
             self.call(f"fmi2Get{whole.kind}", time, whole.references, whole.count, whole.values)
             whole.store()
+        for wire in self._exact_outputs:
+            integer = self._call_exact("Get", wire.reference, time)
+            self._exact_values.integers[wire.slot] = integer
+            self._bus[wire.slot] = integer
+        for wire in self._binary_outputs:
+            self._enter("fmi3GetBinary")
+            status, value = self._functions.get_binary(self._component, wire.reference)
+            self._restore_rounding("fmi3GetBinary")
+            self.check(status, "fmi3GetBinary", time)
+            self._exact_values.binaries[wire.slot] = value
+            self._bus[wire.slot] = len(value)
 
     def terminate(self, time: float) -> None:
         """End the simulation."""
@@ -418,6 +481,7 @@ def simulate(
     fresh: bool = False,
     board: Board | None = None,
     is_repeated: bool = False,
+    texts: dict[int, list[str]] | None = None,
 ) -> tuple[Array, Array]:
     """Execute a run.
 
@@ -427,12 +491,14 @@ def simulate(
     does not define their values; the FMUs of this project return the outputs for the new inputs.
     Every call is recorded on the `board`. `is_repeated` states that an earlier attempt crashed or hung at the end of
     the run; the instances are then neither terminated nor freed.
+    `texts` gets the texts of the columns with values that a double cannot represent, by their position in a row.
     Raises RunError if an FMU cannot be loaded, a call returns neither OK nor warning, a value is not finite, or an FMU
     ends the simulation before the stop time; the error contains the rows before it.
     """
     _log.clear()
     start, step, steps, every = simulation.start, simulation.step, simulation.steps, simulation.every
     bus: Array = np.zeros(run.slots)
+    exact = ExactValues()
     recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
     times, rows = np.empty(simulation.rows), np.empty((simulation.rows, len(recorded)))
     done = 0
@@ -456,6 +522,11 @@ def simulate(
             bus[:] = passed_on
         times[row] = t
         done = row + 1
+        if texts is not None:
+            for column, slot in enumerate(recorded.tolist()):
+                text = exact.text(slot, run.binary)
+                if text is not None:
+                    texts.setdefault(column, []).append(text)
 
     def finite(t: float, function: str) -> None:
         # Fast path: a finite sum proves that all values are finite.
@@ -469,7 +540,7 @@ def simulate(
     try:
         for index, component in enumerate(run.components):
             board.load(index)
-            slaves.append(Slave(component, instantiate(component), bus, board, index))
+            slaves.append(Slave(component, instantiate(component), bus, board, index, exact))
         for slave in slaves:
             slave.call("fmi2SetupExperiment", start, 0, 0.0, start, 1, simulation.stop)
         for slave in slaves:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import csv
+import functools
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,8 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
+
+from .plan import BinaryText
 
 Array = NDArray[np.floating[Any]]
 
@@ -54,16 +58,24 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_csv(path: Path, names: Sequence[str], times: Array, rows: Array) -> None:
+def write_csv(
+    path: Path, names: Sequence[str], times: Array, rows: Array, texts: Mapping[int, Sequence[str]] | None = None
+) -> None:
     """Write `time` and the columns, every number with the fewest digits that identify the double.
 
+    `texts` has the texts of the columns with values that a double cannot represent, by their position in `names`.
     The file is byte-identical to the one from the native master.
     """
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(["time", *names])
-        for time, row in zip(times.tolist(), rows.tolist(), strict=True):
+        for index, (time, row) in enumerate(zip(times.tolist(), rows.tolist(), strict=True)):
             # Exponents as in Rust: neither padded nor with a plus sign.
             line = ",".join(map(repr, (time, *row))).replace("e-0", "e-").replace("e+", "e")
+            if texts:
+                cells = line.split(",")
+                for column, values in texts.items():
+                    cells[column + 1] = values[index]
+                line = ",".join(cells)
             file.write(line + "\n")
 
 
@@ -81,8 +93,26 @@ def read_csv(path: Path, names: Sequence[str] | None = None) -> Recording:
         raise ResultsError(f"{path}: cannot read the results: {error}") from error
 
 
-def write_parquet(path: Path, names: Sequence[str], units: Sequence[str], times: Array, rows: Array) -> None:
-    """Write the same table as Parquet, with units of measure as field metadata.
+def read_binaries(path: Path, names: Sequence[str], encoding: BinaryText | None) -> dict[str, list[bytes]]:
+    """Read the columns of `names` that a file contains, which are texts of Binaries."""
+    decode = bytes.fromhex if encoding == "hex" else functools.partial(base64.b64decode, validate=True)
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file)) if names else []
+        return {name: [decode(row[name]) for row in rows] for name in names if rows and name in rows[0]}
+    except (OSError, ValueError, csv.Error) as error:
+        raise ResultsError(f"{path}: cannot read the results: {error}") from error
+
+
+def write_parquet(
+    path: Path,
+    names: Sequence[str],
+    units: Sequence[str],
+    times: Array,
+    rows: Array,
+    binaries: Mapping[str, Sequence[bytes]] | None = None,
+) -> None:
+    """Write the same table as Parquet, with units of measure as field metadata, and the columns of Binaries.
 
     Byte stream split with zstd compresses series of doubles well. The same table always gives the same bytes.
     """
@@ -92,8 +122,13 @@ def write_parquet(path: Path, names: Sequence[str], units: Sequence[str], times:
         for name, unit in zip(names, units, strict=True)
     ]
     columns = [pa.array(times), *(pa.array(np.ascontiguousarray(rows[:, i])) for i in range(len(names)))]
+    for name, values in (binaries or {}).items():
+        fields.append(pa.field(name, pa.binary(), nullable=False))
+        columns.append(pa.array(values, pa.binary()))
     table = pa.Table.from_arrays(columns, schema=pa.schema(fields))
+    # Only numbers can be split by bytes.
+    split = True if not binaries else ["time", *names]
     with replacing(path) as temporary:
         pyarrow.parquet.write_table(
-            table, temporary, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+            table, temporary, compression="zstd", use_dictionary=False, use_byte_stream_split=split
         )

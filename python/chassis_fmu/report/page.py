@@ -12,7 +12,7 @@ import msgspec
 from ..evaluation.grading import MEANINGS, Status
 from ..evaluation.results_table import Numbers, Row
 from ..files.describe import Description, Variable, describe, sha256
-from ..files.plan import Component, Plan, Run, Setting
+from ..files.plan import Bytes, Component, Plan, Run, Setting, Value
 from . import page_data, plots, rendering, tables, texts
 
 
@@ -58,11 +58,20 @@ def _places(plan: Plan, name: str | None) -> tuple[str, str] | None:
     return row, column
 
 
+# Hexadecimal digits of a Binary that a page shows.
+SHOWN_DIGITS = 32
+
+
 def _value(setting: Setting, variable: Variable | None) -> str:
     value = setting.value
     if isinstance(value, bool) or setting.type == "Boolean":
         return "on" if value else "off"
     if isinstance(value, str) or setting.type == "String":
+        return str(value)
+    if isinstance(value, Bytes):
+        digits = value.hex if len(value.hex) <= SHOWN_DIGITS else f"{value.hex[:SHOWN_DIGITS]}..."
+        return f"0x{digits} ({len(value.hex) // 2} bytes)"
+    if isinstance(value, int) and setting.type == "Integer":
         return str(value)
     if variable is None or setting.type == "Integer":
         return f"{value:.9g}"
@@ -79,7 +88,10 @@ def _default(setting: Setting, variable: Variable | None) -> str:
     if variable is None or variable.start is None:
         return ""
     try:
-        start = msgspec.convert(variable.start, _TYPES[setting.type], strict=False)
+        if setting.type == "Binary":
+            start: Value = Bytes(variable.start)
+        else:
+            start = msgspec.convert(variable.start, _TYPES[setting.type], strict=False)
     except msgspec.ValidationError:
         return variable.start
     return _value(Setting(setting.name, setting.type, setting.reference, start), variable)

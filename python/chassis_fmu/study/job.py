@@ -304,7 +304,7 @@ def _without_paths(text: str, hashes: Mapping[str, str]) -> str:
 
 
 def _in_unit(factor: Factor, variable: Variable, value: Value) -> Value:
-    if isinstance(value, str | bool) or factor.distribution == "seed":
+    if isinstance(value, str | bool | bytes) or factor.distribution == "seed":
         return value
     if factor.relative and isinstance(variable.value, float):
         return value * variable.value
