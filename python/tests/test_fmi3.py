@@ -302,8 +302,8 @@ def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: P
     fmu.freeInstance()
 
 
-# Per second: ticks of the three clocks and of all, result2, output3, and whether outClock ticks. From the published model
-# in scheduled execution.
+# Per second: ticks of the three clocks and of all, result2, output3, and whether outClock ticks. From the published
+# model in scheduled execution.
 TICKS = [
     ([1, 1, 0, 2], 10, 0, False),
     ([2, 2, 0, 4], 20, 0, False),
@@ -319,7 +319,7 @@ TICKS = [
 
 
 def test_clocks_tick_as_in_the_published_model(tmp_path: Path) -> None:
-    """FMPy activates the clocks in Event Mode: inClock1 every second, inClock2 at 0, 1, 8 and 9 s, inClock3 when it is due."""
+    """FMPy activates inClock1 every second, inClock2 at 0, 1, 8 and 9 s, and inClock3 when it is due."""
     path = FOLDER3 / "Clocks.fmu"
     description = fmpy.read_model_description(str(path))
     of = {variable.name: variable.valueReference for variable in description.modelVariables}
