@@ -408,6 +408,8 @@ def test_fmpy_gets_intermediate_updates(tmp_path: Path) -> None:
     assert abs(fmu.getFloat64(required)[1] - rebound * gravity * bounce) < 1e-8
     fmu.terminate()
     fmu.freeInstance()
+
+
 @pytest.mark.parametrize("engine", ["native", "fmpy"])
 def test_the_scenario_of_the_guide_keeps_every_value(engine: str, tmp_path: Path) -> None:
     """Each output of Feedthrough is its input, so both instances have the values of the scenario."""
