@@ -64,23 +64,6 @@ fn messages_have_their_arguments() {
     }
 }
 
-/// The pointer to the environment is only compared, never read, so it may be any number.
-#[test]
-fn messages_with_a_foreign_environment_are_kept_and_reported() {
-    for fmi in VERSIONS {
-        for habit in ["stranger", "stranger_start"] {
-            let zoo = Zoo { fmi, ..Zoo::new(habit) };
-            let mut instance = started(&zoo);
-            instance.do_step(0.0, 0.01).unwrap();
-            assert_eq!(instance.take_messages()[0].text, "an environment that is not the importer's", "{habit}");
-            drop(instance);
-            let (line, topic) = only(&zoo);
-            assert!(line.starts_with("error: logger: was called with another environment"), "{line}");
-            assert_eq!(topic, Topic::Standard);
-        }
-    }
-}
-
 /// The default experiment is simulated once from start to stop. An error near its end is reported with its time.
 #[test]
 fn the_default_experiment_is_simulated() {
