@@ -106,7 +106,15 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     let mut run = M::init(ctx, no_resources, &values).expect("the start values suit each other");
     let inputs = layout.inputs.reals();
     let start = values.reals[inputs.clone()].to_vec();
-    let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0, stops_at_events: false };
+    let mut step = Step {
+        start: 0.0,
+        reached: 0.0,
+        time: 0.0,
+        step: STEP,
+        sample: 0,
+        stops_at_events: false,
+        importer_ticks: false,
+    };
     let begin = Instant::now();
     for k in 0..STEPS {
         excite(&mut values.reals[inputs.clone()], &start, k);
