@@ -1,8 +1,8 @@
 //! Clocks of FMI 3.0: parts of a discrete-time model that run when their clocks tick.
 
-use crate::clock::slack;
 use crate::discrete_state::{Word, Words};
 use crate::model::Discrete;
+use crate::timeline::slack;
 use crate::variable::{Kind, Layout, Role};
 
 /// A triggered output clock (FMI 3.0, section 2.2.9): the model lets it tick, and the importer then activates the input

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol, Version};
-use crate::clock::Clock;
 use crate::description::{Dependency, Description};
 use crate::runner::{Context, Kind as ModelKind, Model, Run, are_finite};
 use crate::store::ValueStore;
+use crate::timeline::Timeline;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
 
@@ -47,7 +47,7 @@ type CallResult<T = ()> = Result<T, CallError>;
 /// The complete state of an instance, to which an fmi2FMUstate points.
 pub struct Snapshot<M: Model> {
     pub(crate) mode: Mode,
-    pub(crate) clock: Clock,
+    pub(crate) timeline: Timeline,
     pub(crate) values: ValueStore,
     pub(crate) is_tolerance_set: bool,
     pub(crate) run: Option<M::RunnerState>,
@@ -65,7 +65,7 @@ pub struct Instance<M: Model> {
     mode: Mode,
     /// A bit for each function that the mode allows.
     allowed: u128,
-    clock: Clock,
+    timeline: Timeline,
     values: ValueStore,
     parameters: M::Parameters,
     /// True if the parameter `tolerance` was set; otherwise the tolerance of the experiment applies.
@@ -99,7 +99,7 @@ impl<M: Model> Instance<M> {
             resources,
             mode: Mode::Instantiated,
             allowed: ALLOWED[protocol.column()][Mode::Instantiated as usize],
-            clock: Clock::ZERO,
+            timeline: Timeline::ZERO,
             parameters,
             is_tolerance_set: false,
             derived: None,
@@ -211,7 +211,7 @@ impl<M: Model> Instance<M> {
             );
             return Err(self.error(function, message));
         }
-        self.clock = Clock { start, stop, time: start, sample: 0 };
+        self.timeline = Timeline { start, stop, time: start, sample: 0 };
         if M::HAS_ERROR_CONTROL && !self.is_tolerance_set {
             self.set_tolerance(tolerance);
         }
@@ -304,7 +304,7 @@ impl<M: Model> Instance<M> {
         let (Some(derived), Some(run)) = (self.derived.as_deref(), &mut self.run) else {
             unreachable!("made by `derive` before the end of initialization");
         };
-        let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.clock.time };
+        let ctx = Context { p: &self.parameters, derived, layout: &self.description.layout, time: self.timeline.time };
         Run { ctx, run, values: &mut self.values }
     }
 
@@ -333,7 +333,7 @@ impl<M: Model> Instance<M> {
         }
         let layout = &self.description.layout;
         derived.write(&mut self.values.view_mut(), layout.derived.at);
-        let ctx = Context { p: &self.parameters, derived: &*derived, layout, time: self.clock.start };
+        let ctx = Context { p: &self.parameters, derived: &*derived, layout, time: self.timeline.start };
         if self.run.is_none() {
             M::initialize(ctx, &mut self.values);
         }
@@ -455,7 +455,7 @@ impl<M: Model> Instance<M> {
 
     /// Time of the last successful step in s.
     pub fn time(&self) -> f64 {
-        self.clock.time
+        self.timeline.time
     }
 }
 

@@ -16,7 +16,6 @@ pub use stateful::StatefulModel;
 
 use fmu_math::sparse::Structure;
 
-use crate::clock::Clock;
 use crate::clocks::{InputClock, Schedule};
 use crate::declare::Spec;
 use crate::definition::Definition;
@@ -25,6 +24,7 @@ use crate::expression::Expression;
 use crate::model::{Influence, Info};
 use crate::number::{Number as _, is_finite_f32};
 use crate::store::{Counts, ValueStore};
+use crate::timeline::Timeline;
 use crate::variable::{Block, Declarations, Kind as Type, Layout, Variable};
 use crate::variables::{Derived, Parameters, Variables as _};
 
@@ -247,7 +247,7 @@ pub trait Model: Sized + 'static {
         0
     }
     /// Model exchange: handles the present events. Fails, without changes, for non-finite numbers or rejected events.
-    fn handle_events(run: Run<'_, Self>, clock: &mut Clock) -> Result<Update, String>;
+    fn handle_events(run: Run<'_, Self>, timeline: &mut Timeline) -> Result<Update, String>;
     /// Model exchange: sets the sides of relations from the present values, and computes the scales of indicators.
     fn freeze_relations(_: Context<'_, Self>, _: &mut Self::RunnerState, _: &ValueStore) {}
     /// Model exchange: computes the outputs or the derivatives with frozen relations.

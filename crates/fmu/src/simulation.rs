@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::clock::Clock;
 use crate::clocks::Clocked;
 use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::{ClockedModel, Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Run, Step};
 use crate::store::{Counts, ValueStore};
+use crate::timeline::Timeline;
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::Variables as _;
 
@@ -325,8 +325,8 @@ impl<M: Clocked> ClockedSimulation<M> {
         let Run { ctx, run, values } = self.context(inputs);
         ClockedModel::<M>::evaluate_clocks(Run { ctx, run, values })?;
         let outputs = M::Outputs::read(values.view(), ctx.layout.outputs.at);
-        let mut clock = Clock::ZERO;
-        ClockedModel::<M>::handle_events(Run { ctx, run, values }, &mut clock)?;
+        let mut timeline = Timeline::ZERO;
+        ClockedModel::<M>::handle_events(Run { ctx, run, values }, &mut timeline)?;
         Ok(outputs)
     }
 

@@ -14,7 +14,7 @@ const MOST_SAMPLES: u64 = 1 << 53;
 
 /// Position of an instance in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clock {
+pub struct Timeline {
     /// Start of the experiment in s.
     pub start: f64,
     /// End of the experiment in s, if it is defined.
@@ -87,10 +87,10 @@ pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sam
     if due > 0.0 { due } else { 0.0 }
 }
 
-impl Clock {
+impl Timeline {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
-    /// Checks a clock from a deserialized state. Fails if no sequence of steps can lead to this clock.
+    /// Checks a timeline from a deserialized state. Fails if no sequence of steps can lead to it.
     pub(crate) fn check(
         &self,
         interface: Interface,
@@ -213,45 +213,45 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_agrees_with_its_samples() {
-        let clock = |start: f64, time, sample| Clock { start, stop: None, time, sample };
-        let check = |clock: Clock| clock.check(Interface::CoSimulation, true, Some(0.01));
+    fn a_timeline_agrees_with_its_samples() {
+        let timeline = |start: f64, time, sample| Timeline { start, stop: None, time, sample };
+        let check = |timeline: Timeline| timeline.check(Interface::CoSimulation, true, Some(0.01));
         for start in [0.0, 1e7, 1.7e9] {
-            assert_eq!(check(clock(start, start, 0)), Ok(()));
-            assert_eq!(check(clock(start, start + 0.095, 10)), Ok(()));
+            assert_eq!(check(timeline(start, start, 0)), Ok(()));
+            assert_eq!(check(timeline(start, start + 0.095, 10)), Ok(()));
             // The sample at this instant is not taken yet.
-            assert_eq!(check(clock(start, start + 0.1, 10)), Ok(()));
+            assert_eq!(check(timeline(start, start + 0.1, 10)), Ok(()));
             for sample in [0, 9, 12, u64::MAX] {
-                let message = check(clock(start, start + 0.1, sample)).unwrap_err();
+                let message = check(timeline(start, start + 0.1, sample)).unwrap_err();
                 assert!(message.starts_with(&format!("the sample counter is {sample}, but from ")), "{message}");
             }
-            assert!(check(clock(start, start, 1)).is_err());
+            assert!(check(timeline(start, start, 1)).is_err());
         }
         // At 2^64 sample times of 0.01 s, a counter of 2^64 - 1 would be correct, but is too large to be exact.
-        assert!(check(clock(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
+        assert!(check(timeline(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
         // Without samples, as in a continuous-time model.
-        assert_eq!(clock(0.0, 1.0, 0).check(Interface::CoSimulation, true, None), Ok(()));
-        assert!(clock(0.0, 1.0, 1).check(Interface::CoSimulation, true, None).is_err());
+        assert_eq!(timeline(0.0, 1.0, 0).check(Interface::CoSimulation, true, None), Ok(()));
+        assert!(timeline(0.0, 1.0, 1).check(Interface::CoSimulation, true, None).is_err());
     }
 
     #[test]
     fn impossible_times_are_rejected() {
-        let clock = |start, stop, time| Clock { start, stop, time, sample: 0 };
+        let timeline = |start, stop, time| Timeline { start, stop, time, sample: 0 };
         for impossible in [
-            clock(f64::NAN, None, 0.0),
-            clock(0.0, None, f64::INFINITY),
-            clock(1.0, None, 0.5),
-            clock(1.0, Some(0.5), 1.0),
-            clock(0.0, Some(f64::NAN), 0.0),
-            clock(0.0, Some(1.0), 1.1),
+            timeline(f64::NAN, None, 0.0),
+            timeline(0.0, None, f64::INFINITY),
+            timeline(1.0, None, 0.5),
+            timeline(1.0, Some(0.5), 1.0),
+            timeline(0.0, Some(f64::NAN), 0.0),
+            timeline(0.0, Some(1.0), 1.1),
         ] {
             assert!(impossible.check(Interface::CoSimulation, true, None).is_err(), "{impossible:?}");
         }
         assert!(
-            clock(0.0, None, 1.0).check(Interface::CoSimulation, false, None).is_err(),
+            timeline(0.0, None, 1.0).check(Interface::CoSimulation, false, None).is_err(),
             "a step before the end of initialization"
         );
-        assert_eq!(clock(0.0, Some(1.0), 1.0 + 0.9e-6).check(Interface::CoSimulation, true, None), Ok(()));
-        assert_eq!(clock(0.0, Some(f64::INFINITY), 1.0).check(Interface::CoSimulation, true, None), Ok(()));
+        assert_eq!(timeline(0.0, Some(1.0), 1.0 + 0.9e-6).check(Interface::CoSimulation, true, None), Ok(()));
+        assert_eq!(timeline(0.0, Some(f64::INFINITY), 1.0).check(Interface::CoSimulation, true, None), Ok(()));
     }
 }

@@ -50,7 +50,7 @@ impl<M: Model> Instance<M> {
     pub fn set_clock(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         let function = Function::SetClock;
         self.check(function)?;
-        let time = self.clock.time;
+        let time = self.timeline.time;
         for (&reference, &is_active) in references.iter().zip(values) {
             let (position, clock) = self.input_clock(function, reference)?;
             let schedule = self.schedule(position)?;

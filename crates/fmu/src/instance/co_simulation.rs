@@ -2,8 +2,8 @@
 
 use super::{CallError, CallResult, Instance};
 use crate::calls::{Function, Mode};
-use crate::clock;
 use crate::runner::{Kind as ModelKind, MOST_PARTS, Model, Step};
+use crate::timeline;
 
 impl<M: Model> Instance<M> {
     /// fmi2DoStep. A step with an invalid time or step size is rejected and changes nothing. If a result is not finite,
@@ -26,9 +26,9 @@ impl<M: Model> Instance<M> {
             Ok(stopped) => stopped,
             Err(error) => return Err(self.step_failed(time, &error)),
         };
-        self.clock.time = stopped.unwrap_or(time + step);
+        self.timeline.time = stopped.unwrap_or(time + step);
         if M::KIND == ModelKind::Discrete {
-            self.clock.sample += parts;
+            self.timeline.sample += parts;
         }
         Ok(stopped.is_some())
     }
@@ -51,25 +51,25 @@ impl<M: Model> Instance<M> {
         if !is_length {
             return rejected(format_args!("communicationStepSize must be finite and above 0, got {step} s"));
         }
-        let is_on_time = clock::is_within_tolerance((time - self.clock.time).abs(), time, step);
+        let is_on_time = timeline::is_within_tolerance((time - self.timeline.time).abs(), time, step);
         if !is_on_time {
             return rejected(format_args!(
                 "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
                  of the step or 4 units in the last place of the time",
-                self.clock.time
+                self.timeline.time
             ));
         }
         let end = time + step;
-        let advances = end > time && end > self.clock.time && end <= f64::MAX;
+        let advances = end > time && end > self.timeline.time && end <= f64::MAX;
         if !advances {
             return rejected(format_args!("a step of {step} s at {time} s does not advance the time"));
         }
-        if let Some(stop) = self.clock.stop
-            && !clock::is_within_tolerance(end - stop, end, step)
+        if let Some(stop) = self.timeline.stop
+            && !timeline::is_within_tolerance(end - stop, end, step)
         {
             return rejected(format_args!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
-        let (start, reached, sample) = (self.clock.start, self.clock.time, self.clock.sample);
+        let (start, reached, sample) = (self.timeline.start, self.timeline.time, self.timeline.sample);
         let importer_ticks = M::HAS_CLOCKS && self.uses_event_mode;
         let span = Step { start, reached, time, step, sample, stops_at_events, importer_ticks };
         let parts = M::parts(&self.description.layout, &self.values, span);

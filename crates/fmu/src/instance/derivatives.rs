@@ -151,7 +151,7 @@ impl<M: Model> Instance<M> {
         for (unknown, &reference) in unknowns.iter().zip(references) {
             let slope = unknown.of(&direction, &slopes);
             if !slope.is_finite() {
-                let (name, time) = (self.name_of(reference), self.clock.time);
+                let (name, time) = (self.name_of(reference), self.timeline.time);
                 let message = format_args!("the derivative of '{name}' with respect to time is {slope} at {time} s");
                 return Err(self.discard(function, message));
             }
@@ -251,7 +251,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn no_derivative(&self, function: Function, unknown: u32, known: u32, slope: f64) -> CallError {
-        let (of, to, time) = (self.name_of(unknown), self.name_of(known), self.clock.time);
+        let (of, to, time) = (self.name_of(unknown), self.name_of(known), self.timeline.time);
         let message =
             format_args!("the derivative of '{of}' with respect to '{to}' is {slope} at {time} s, not a finite number");
         self.discard(function, message)

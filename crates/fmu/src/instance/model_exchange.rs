@@ -26,9 +26,9 @@ impl<M: Model> Instance<M> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
         self.derive()?;
-        let mut clock = self.clock;
-        let result = M::handle_events(self.context(), &mut clock);
-        self.clock = clock;
+        let mut timeline = self.timeline;
+        let result = M::handle_events(self.context(), &mut timeline);
+        self.timeline = timeline;
         self.forget_results();
         result.map_err(|error| self.error(function, error))
     }
@@ -50,13 +50,13 @@ impl<M: Model> Instance<M> {
     pub fn set_time(&mut self, time: f64) -> CallResult {
         let function = Function::SetTime;
         self.check(function)?;
-        let start = self.clock.start;
+        let start = self.timeline.start;
         if !(time.is_finite() && time >= start) {
             let message = format_args!("time must be finite and not before startTime = {start}, got {time} s");
             return Err(self.error(function, message));
         }
-        if time.to_bits() != self.clock.time.to_bits() {
-            self.clock.time = time;
+        if time.to_bits() != self.timeline.time.to_bits() {
+            self.timeline.time = time;
             self.forget_results();
         }
         Ok(())
@@ -130,7 +130,7 @@ impl<M: Model> Instance<M> {
             M::event_indicators(ctx, &mut run, values, indicators);
         }
         if let Some(at) = indicators.iter().position(|value| !value.is_finite()) {
-            let message = format_args!("event indicator {at} is {} at time {} s", indicators[at], self.clock.time);
+            let message = format_args!("event indicator {at} is {} at time {} s", indicators[at], self.timeline.time);
             return Err(self.discard(function, message));
         }
         Ok(())

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use super::Snapshot;
 use crate::calls::{Interface, Mode, Protocol};
-use crate::clock::Clock;
 use crate::discrete_state::Words;
 use crate::runner::{Context, Kind as ModelKind, Model};
 use crate::store::ValueStore;
+use crate::timeline::Timeline;
 use crate::variable::{Kind, Layout, Role, Variable};
 use crate::variables::Derived as _;
 
@@ -55,7 +55,7 @@ pub(crate) fn write<M: Model>(
     out.extend((protocol.column() as u32).to_le_bytes());
     write_text(&mut out, guid);
     out.extend((snapshot.mode as u32).to_le_bytes());
-    let Clock { start, stop, time, sample } = snapshot.clock;
+    let Timeline { start, stop, time, sample } = snapshot.timeline;
     out.extend(start.to_le_bytes());
     out.extend(u32::from(stop.is_some()).to_le_bytes());
     out.extend(stop.unwrap_or(0.0).to_le_bytes());
@@ -149,7 +149,7 @@ pub(crate) fn read<M: Model>(
     let start = f64::from_le_bytes(source.take()?);
     let has_stop = read_switch(source)?;
     let stop = f64::from_le_bytes(source.take()?);
-    let clock = Clock {
+    let timeline = Timeline {
         start,
         stop: has_stop.then_some(stop),
         time: f64::from_le_bytes(source.take()?),
@@ -205,9 +205,9 @@ pub(crate) fn read<M: Model>(
         }
     }
     let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
-    clock.check(protocol.interface, initialized, period)?;
+    timeline.check(protocol.interface, initialized, period)?;
     let mut snapshot =
-        Snapshot { mode, clock, values, is_tolerance_set, run: None, derived: None, derived_are_old: true };
+        Snapshot { mode, timeline, values, is_tolerance_set, run: None, derived: None, derived_are_old: true };
     if initialized {
         let fingerprint = source.u64()?;
         let parameters = M::parameters(&snapshot.values);
@@ -216,12 +216,12 @@ pub(crate) fn read<M: Model>(
             return Err("a file that the model read before the state was saved has changed since".to_owned());
         }
         // The state is restored in place, because the state of a model can be too large for a thread's stack.
-        let Snapshot { values, clock, run, .. } = &mut snapshot;
+        let Snapshot { values, timeline, run, .. } = &mut snapshot;
         derived.write(&mut values.view_mut(), layout.derived.at);
         if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {
             return Err(format!("'{}' is not a finite number", layout.real_name(index)));
         }
-        let ctx = Context { p: &parameters, derived: &*derived, layout, time: clock.start };
+        let ctx = Context { p: &parameters, derived: &*derived, layout, time: timeline.start };
         let run = run.insert(M::init(ctx, resources, values)?);
         M::restore(run, layout, source)?;
         (snapshot.derived, snapshot.derived_are_old) = (Some(derived), false);

@@ -17,7 +17,7 @@ impl<M: Model> Instance<M> {
         }
         Ok(Snapshot {
             mode: self.mode,
-            clock: self.clock,
+            timeline: self.timeline,
             values,
             is_tolerance_set: self.is_tolerance_set,
             run: self.run.clone(),
@@ -30,7 +30,7 @@ impl<M: Model> Instance<M> {
     pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
         self.check(Function::SetFMUstate)?;
         self.enter(snapshot.mode);
-        self.clock = snapshot.clock;
+        self.timeline = snapshot.timeline;
         self.values.clone_from(&snapshot.values);
         self.run.clone_from(&snapshot.run);
         self.is_tolerance_set = snapshot.is_tolerance_set;
@@ -42,7 +42,7 @@ impl<M: Model> Instance<M> {
         {
             // The instance that saved the state may have handled events inside its steps. In this instance, the
             // importer handles them.
-            M::init_events(run, &self.description.layout, self.clock.time);
+            M::init_events(run, &self.description.layout, self.timeline.time);
         }
         self.parameters = M::parameters(&self.values);
         self.texts = texts(&self.values.strings);

@@ -59,7 +59,7 @@ impl<M: Model> Instance<M> {
             Ok(stopped) => paused.at_event = stopped.is_some(),
             Err(error) => return self.fail_step(paused, error),
         }
-        self.clock.time = paused.progress.time;
+        self.timeline.time = paused.progress.time;
         self.enter(Mode::IntermediateUpdate);
         Ok(())
     }
@@ -82,7 +82,7 @@ impl<M: Model> Instance<M> {
             M::undo_events(run);
         }
         let Some((step, _)) = paused.step else { unreachable!("a step was begun") };
-        self.clock.time = step.reached;
+        self.timeline.time = step.reached;
         self.forget_results();
         Err(self.step_failed(step.time, &error))
     }

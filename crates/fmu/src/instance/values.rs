@@ -117,7 +117,7 @@ impl<M: Model> Instance<M> {
             return Ok(f32::of(word));
         }
         let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
-        let (value, time) = (f64::from(f32::of(word)), self.clock.time);
+        let (value, time) = (f64::from(f32::of(word)), self.timeline.time);
         Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")))
     }
 
@@ -147,7 +147,7 @@ impl<M: Model> Instance<M> {
         }
         for (value, reference) in values.iter_mut().zip(references) {
             match reference.wrapping_sub(time) {
-                0 => *value = self.clock.time,
+                0 => *value = self.timeline.time,
                 number if number <= indicators => *value = found[number as usize - 1],
                 _ => self.get_real(&[*reference], std::slice::from_mut(value))?,
             }
@@ -161,7 +161,7 @@ impl<M: Model> Instance<M> {
 
     #[cold]
     pub(super) fn not_finite(&self, index: usize) -> String {
-        let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.clock.time);
+        let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.timeline.time);
         format!("'{name}' = {value} at time {time} s, not a finite number")
     }
 

@@ -4,11 +4,11 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
-use crate::clock::{Clock, slack};
 use crate::clocks::{self, Clocked, InputClock, Schedule, Tick};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Info, Sample};
 use crate::store::ValueStore;
+use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
 
@@ -223,7 +223,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
         run.evaluated = None;
     }
 
-    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         Self::evaluate_clocks(Run { ctx, run, values })?;
         match run.evaluated.take() {
             Some((part, _)) => run.part = part,

@@ -14,7 +14,6 @@ use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, t
 use super::{
     Context, Kind, Model, Modes, Progress, Run, Step, Update, are_finite, check_discrete, check_reals, layout,
 };
-use crate::clock::{Clock, slack};
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
@@ -25,6 +24,7 @@ use crate::relation::{PROBE, Relational, indicator_of};
 use crate::scalar::{Dependencies, Scalar};
 use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
 use crate::store::{Counts, ValueStore, ValuesMut};
+use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Kind as Type, Layout, Role};
 use crate::variables::{Derived as _, Variables as _};
 
@@ -305,8 +305,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
 
     fn init_steps(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
         if M::HAS_TIME_EVENTS {
-            let mut clock = Clock::ZERO;
-            Self::handle_events(Run { ctx, run, values }, &mut clock)?;
+            let mut timeline = Timeline::ZERO;
+            Self::handle_events(Run { ctx, run, values }, &mut timeline)?;
             run.exchange = None;
         }
         Ok(())
@@ -350,7 +350,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     // Handles first the zero crossings, then the time events, in the same order as co-simulation.
-    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);

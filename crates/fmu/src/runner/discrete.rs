@@ -4,11 +4,11 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, layout};
-use crate::clock::{Clock, samples_due, slack};
 use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Discrete, Influence, Info, Sample};
 use crate::store::ValueStore;
+use crate::timeline::{Timeline, samples_due, slack};
 use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
 
@@ -98,19 +98,19 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         p.start(time, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
     }
 
-    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, clock: &mut Clock) -> Result<Update, String> {
+    fn handle_events(Run { ctx, run, values }: Run<'_, Self>, timeline: &mut Timeline) -> Result<Update, String> {
         let layout = ctx.layout;
         let period = sample_time(layout, values);
-        let instant = |sample: u64| clock.start + sample as i64 as f64 * period;
-        let end = clock.time + slack(period.min(1.0), clock.time);
-        let due = if instant(clock.sample) <= end { ((end - clock.start) / period).floor() + 1.0 } else { 0.0 };
-        if due - clock.sample as f64 > MOST_PARTS {
-            let message = format!("more than {MOST_PARTS} samples up to {} s", clock.time);
+        let instant = |sample: u64| timeline.start + sample as i64 as f64 * period;
+        let end = timeline.time + slack(period.min(1.0), timeline.time);
+        let due = if instant(timeline.sample) <= end { ((end - timeline.start) / period).floor() + 1.0 } else { 0.0 };
+        if due - timeline.sample as f64 > MOST_PARTS {
+            let message = format!("more than {MOST_PARTS} samples up to {} s", timeline.time);
             return Err(message);
         }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let mut new = run.clone();
-        let mut next = clock.sample;
+        let mut next = timeline.sample;
         while instant(next) <= end {
             Self::sample(&ctx, &mut new, values, instant(next))
                 .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
@@ -118,7 +118,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         }
         let next_event_time = Some(instant(next)).filter(|time| time.is_finite());
         *run = new;
-        clock.sample = next;
+        timeline.sample = next;
         Ok(Update { states_changed: false, next_event_time })
     }
 

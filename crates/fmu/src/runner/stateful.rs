@@ -4,10 +4,10 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Context, Kind, Model, Run, Step, Update, check_reals};
-use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
 use crate::model::{Info, Stateful};
 use crate::store::ValueStore;
+use crate::timeline::Timeline;
 use crate::variable::{Declarations, Layout};
 use crate::variables::Variables as _;
 
@@ -59,7 +59,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         ctx.p.outputs(simulation).write(&mut values.view_mut(), ctx.layout.outputs.at);
     }
 
-    fn handle_events(_: Run<'_, Self>, _: &mut Clock) -> Result<Update, String> {
+    fn handle_events(_: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         unreachable!("neither model exchange nor Event Mode is provided")
     }
 
