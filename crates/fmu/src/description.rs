@@ -562,6 +562,59 @@ mod tests {
         assert_eq!(misplaced(ModelKind::Continuous, &layout(Kind::Boolean { start: true })).unwrap(), message);
     }
 
+    #[test]
+    fn mistakes_in_clocks_are_reported() {
+        use crate::clocks::Span;
+        const CLOCKS: &[InputClock] = &[
+            InputClock { name: "fast", description: "D", timing: Timing::Countdown(None) },
+            InputClock { name: "slow", description: "D", timing: Timing::Changing(Interval::Of("period")) },
+        ];
+        let layout = |clocks, outputs, inputs, parameters| {
+            Layout::new(Declarations { clocks, outputs, inputs, parameters, ..Declarations::default() })
+        };
+        let of = |layout: &Layout| contradiction(&INFO, layout, Format::FMI3).unwrap_or_default();
+        let period = || real(named("period", unit!("s")), 1.0);
+        let clocked = |names| {
+            let mut all = plain(Kind::Boolean { start: false });
+            all[0].details.clocks = names;
+            all
+        };
+        let none = Vec::new;
+        assert_eq!(of(&layout(CLOCKS, clocked(&["fast", "slow"]), none(), period())), "");
+        assert_eq!(
+            of(&layout(CLOCKS, clocked(&["fast", "fats"]), none(), period())),
+            "'x': the model has no input clock 'fats'; a method with `#[clock(…)]` declares one (found: fast, slow)"
+        );
+        assert_eq!(
+            of(&layout(CLOCKS, none(), none(), none())),
+            "the interval of the clock 'slow': the model has no real parameter 'period'"
+        );
+        assert_eq!(
+            of(&layout(&[], plain(Kind::Clock(None)), none(), none())),
+            "the clock 'x' cannot tick: no method of the model has the attribute `#[clock(…)]`"
+        );
+        assert_eq!(
+            of(&layout(CLOCKS, none(), plain(Kind::Clock(None)), period())),
+            "'x' cannot be a `Clock`: an input clock is a method with `#[clock(triggered)]`"
+        );
+        const ZERO: &[InputClock] = &[InputClock {
+            name: "zero",
+            description: "D",
+            timing: Timing::Periodic { interval: Interval::Constant(Span::Decimal(0.0)), shift: Span::Decimal(0.0) },
+        }];
+        assert_eq!(
+            of(&layout(ZERO, none(), none(), none())),
+            "the interval of the clock 'zero' must be above 0 s, got 0 s"
+        );
+        const TRIGGERED: &[InputClock] = &[InputClock { name: "button", description: "D", timing: Timing::Triggered }];
+        let triggered = layout(TRIGGERED, none(), none(), none());
+        assert_eq!(
+            inexpressible(&triggered, Format::FMI2).unwrap(),
+            "'button' is a triggered clock, which nothing would activate in FMI 2.0: pack with --fmi 3"
+        );
+        assert_eq!(inexpressible(&triggered, Format::FMI3), None);
+    }
+
     /// The same names are valid in FMI 2.0. Names of event indicators are also valid in FMI 3.0 without model exchange.
     #[test]
     fn names_that_fmi_3_needs_are_rejected() {

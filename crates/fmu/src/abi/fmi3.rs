@@ -286,8 +286,8 @@ pub unsafe fn set_clock<E: Export>(
 ) -> Status {
     unsafe {
         clocks::<E>(component, Function::SetClock, references, count, |instance, call, references| {
-            let values: Vec<_> = call.array("values", values, count)?.iter().map(|&value| value != 0).collect();
-            instance.set_clock(references, &values)
+            let values = call.array("values", values, count)?;
+            instance.set_clock(references, values.iter().map(|&value| value != 0))
         })
     }
 }

@@ -47,11 +47,11 @@ impl<M: Model> Instance<M> {
 
     /// fmi3SetClock. Fails, without activating a clock, if a reference is not an input clock, or if a time-based clock
     /// does not tick at the present time.
-    pub fn set_clock(&mut self, references: &[u32], values: &[bool]) -> CallResult {
+    pub fn set_clock(&mut self, references: &[u32], values: impl Iterator<Item = bool> + Clone) -> CallResult {
         let function = Function::SetClock;
         self.check(function)?;
         let time = self.timeline.time;
-        for (&reference, &is_active) in references.iter().zip(values) {
+        for (&reference, is_active) in references.iter().zip(values.clone()) {
             let (position, clock) = self.input_clock(function, reference)?;
             let schedule = self.schedule(position)?;
             if !is_active || clock.timing == Timing::Triggered || schedule.is_due(time) {
@@ -63,7 +63,7 @@ impl<M: Model> Instance<M> {
             };
             return Err(self.error(function, format_args!("the clock '{}' {rule}; it is {time} s now", clock.name)));
         }
-        for (&reference, &is_active) in references.iter().zip(values) {
+        for (&reference, is_active) in references.iter().zip(values) {
             let index = self.clock(function, reference)?.index;
             self.values.booleans[index] = is_active;
         }

@@ -9,6 +9,7 @@ use fmu::testing::calls::{Mode, Protocol};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::{CallError, Instance, Qualifier};
 
+use crate::allocations::allocations;
 use crate::models::{Fmu, error_of, reference};
 
 #[derive(Parameters)]
@@ -128,7 +129,7 @@ impl Clocked {
     }
 
     fn activate(&mut self, clock: &str, is_active: bool) -> Result<(), CallError> {
-        self.0.set_clock(&[reference::<Watch3>(clock)], &[is_active])
+        self.0.set_clock(&[reference::<Watch3>(clock)], std::iter::once(is_active))
     }
 
     fn clock(&mut self, name: &str) -> bool {
@@ -460,4 +461,29 @@ fn clocks_are_described() {
         assert!(xml.contains(&expected), "{expected}\n{xml}");
     }
     assert!(!xml.contains("<ModelExchange") && !xml.contains("InitialUnknown"), "{xml}");
+}
+
+#[test]
+fn events_do_not_allocate() {
+    let mut fmu = Clocked::in_event_mode(&[("reference", 1.0)]);
+    let [control, reference, voltage, limit] = ["control", "reference", "voltage", "limit"].map(reference::<Watch3>);
+    let mut value = [0.0];
+    let count = allocations(|| {
+        for second in 0..100 {
+            fmu.0.set_clock(&[control], std::iter::once(true)).unwrap();
+            fmu.0.set_real(&[reference], &[f64::from(second)]).unwrap();
+            fmu.0.get_real(&[voltage], &mut value).unwrap();
+            fmu.0.get_clock(limit).unwrap();
+            fmu.0.set_clock(&[control], std::iter::once(false)).unwrap();
+        }
+        fmu.0.set_clock(&[control], std::iter::once(true)).unwrap();
+        fmu.0.new_discrete_states().unwrap();
+        fmu.0.enter_step_mode().unwrap();
+        fmu.0.do_step(0.0, 0.1).unwrap();
+        fmu.0.enter_event_mode().unwrap();
+    });
+    assert_eq!(count, 0);
+    let mut inside = Clocked::starting(0.0, &[("reference", 1.0)]);
+    let count = allocations(|| (0..100).for_each(|step| inside.0.do_step(0.05 * f64::from(step), 0.05).unwrap()));
+    assert_eq!(count, 0);
 }

@@ -1,0 +1,41 @@
+use fmu::prelude::*;
+
+#[derive(Parameters)]
+pub struct Counter;
+
+#[derive(Outputs)]
+pub struct Y {
+    /// Number of ticks
+    ticks: i32,
+}
+
+/// Counter
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Counter {
+    type Outputs = Y;
+
+    /// Counts
+    #[clock(interval = 0.0)]
+    fn count(&self, tick: Tick<Self>) {
+        tick.outputs.ticks += 1;
+    }
+
+    /// Counts, too
+    #[clock(interval = 1 / 0)]
+    fn count_too(&self, tick: Tick<Self>) {
+        tick.outputs.ticks += 1;
+    }
+
+    /// Counts a third time
+    #[clock(intervall = 0.1)]
+    fn count_third(&self, tick: Tick<Self>) {
+        tick.outputs.ticks += 1;
+    }
+
+    #[clock(interval = 0.1)]
+    fn undocumented(&self, tick: Tick<Self>) {
+        tick.outputs.ticks += 1;
+    }
+}
+
+fn main() {}
