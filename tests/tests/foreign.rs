@@ -5,6 +5,8 @@ use std::process::{Command, Output};
 
 use fmu_import::archive::Archive;
 use fmu_import::description::{Interface, ModelDescription};
+use fmu_import::fmu::Fmu;
+use fmu_import::loader::Instance;
 use tempfile::TempDir;
 use tests::workspace;
 
@@ -498,6 +500,157 @@ impl Continuous for Hiding {
              seen with `damping` = 2",
         ]
     );
+}
+
+/// The importer activates the clocks of an FMU in Event Mode, inside its steps. Reference: times and counts in closed
+/// form.
+#[test]
+fn clocks_tick_inside_the_steps_of_the_importer() {
+    const MODEL: &str = r#"use fmu::prelude::*;
+
+#[derive(Parameters)]
+pub struct Watch {
+    /// Interval of the slow part (s)
+    #[var(start = 0.25, positive, tunable)]
+    slow_time: f64,
+}
+
+#[derive(Inputs)]
+pub struct U {
+    /// Reference (rad/s)
+    #[var(clock = "control")]
+    reference: f64,
+    /// Time until the alarm (s)
+    delay: f64,
+}
+
+#[derive(Outputs)]
+pub struct Y {
+    /// Voltage (V)
+    #[var(clock = "control")]
+    voltage: f64,
+    /// Number of ticks of the slow part
+    #[var(clock = "slow")]
+    slow_ticks: i32,
+    /// Time of the last alarm (s)
+    alarm_time: f64,
+    /// Time of the last pulse (s)
+    #[var(clock = "pulse")]
+    pulse_time: f64,
+    /// Ticks when the voltage exceeds 1 V
+    limit: Clock,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+pub struct X {
+    integral: f64,
+    pulses: u32,
+}
+
+/// Integrates a reference and watches it
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Watch {
+    type Inputs = U;
+    type Outputs = Y;
+    type State = X;
+
+    /// Integral control
+    #[clock(interval = 1 / 10)]
+    fn control(&self, mut tick: Tick<Self>) {
+        tick.state.integral += tick.interval * tick.inputs.reference;
+        tick.outputs.voltage = tick.state.integral;
+        if tick.outputs.voltage > 1.0 {
+            tick.outputs.limit.fire();
+        }
+        let delay = tick.inputs.delay.abs();
+        tick.start(WatchClock::Watchdog, delay);
+    }
+
+    /// Slow part
+    #[clock(interval_of = "slow_time", shift = 0.5)]
+    fn slow(&self, tick: Tick<Self>) {
+        tick.outputs.slow_ticks += 1;
+    }
+
+    /// Alarm
+    #[clock(countdown)]
+    fn watchdog(&self, tick: Tick<Self>) {
+        tick.outputs.alarm_time = tick.time;
+    }
+
+    /// Pulses at 0.125, 0.375, 0.75, … s
+    #[clock(changing, interval = 1 / 8)]
+    fn pulse(&self, mut tick: Tick<Self>) {
+        tick.state.pulses += 1;
+        tick.outputs.pulse_time = tick.time;
+        let next = 0.125 * f64::from(tick.state.pulses + 1);
+        tick.start(WatchClock::Pulse, next);
+    }
+}
+"#;
+    let place = Place::new();
+    let manifest = "\n[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n";
+    place.package("watch", manifest, MODEL);
+    place.run(&tests::cargo_fmu(), &["pack", "--fmi", "3", "--debug", "--out", "../out"], &[], "watch");
+    let fmu = Fmu::open(place.path().join("out/Watch.fmu")).expect("it opens");
+    let report = place.fmu(&["check", "out/Watch.fmu"]);
+    let report = String::from_utf8_lossy(&report.stdout).into_owned();
+    assert!(report.contains("it follows the standard: yes (no error, no warning)"), "{report}");
+
+    let of = |name: &str| [fmu.description().variable(name).expect("a variable").reference];
+    let start = || {
+        let mut instance = fmu.instantiate("watch").expect("an instance");
+        instance.setup_experiment(0.0, Some(1.0)).unwrap();
+        instance.enter_initialization_mode().unwrap();
+        instance.set_real(&of("reference"), &[3.0]).unwrap();
+        instance.set_real(&of("delay"), &[0.03]).unwrap();
+        instance.exit_initialization_mode().unwrap();
+        instance
+    };
+    let outputs = |instance: &mut Instance| {
+        let (mut reals, mut ticks) = ([0.0; 3], [0]);
+        let [voltage, alarm, pulse] = ["voltage", "alarm_time", "pulse_time"].map(|name| of(name)[0]);
+        instance.get_real(&[voltage, alarm, pulse], &mut reals).unwrap();
+        instance.get_integer(&of("slow_ticks"), &mut ticks).unwrap();
+        (reals, ticks[0])
+    };
+    for step in [0.005, 0.025, 0.1, 0.5] {
+        let mut instance = start();
+        let steps = (1.0_f64 / step).round() as i32;
+        for number in 0..steps {
+            instance.do_step(f64::from(number) * step, step).unwrap();
+            // Ticks at the end of a step belong to the next one.
+            let before = |tick: f64| tick < f64::from(number + 1) * step - 1e-9;
+            let ticks = (0..10).filter(|tick| before(f64::from(*tick) / 10.0)).count();
+            let last = |times: &[f64]| times.iter().copied().filter(|tick| before(*tick)).fold(0.0, f64::max);
+            let alarms: Vec<f64> = (0..10).map(|tick| f64::from(tick) / 10.0 + 0.03).collect();
+            let ([voltage, alarm, pulse], slow) = outputs(&mut instance);
+            let time = f64::from(number + 1) * step;
+            assert!((voltage - 0.3 * ticks as f64).abs() < 1e-12, "{voltage} V at {time} s");
+            assert!((alarm - last(&alarms)).abs() < 1e-12, "alarm at {alarm} s, at {time} s");
+            assert!((pulse - last(&[0.125, 0.375, 0.75])).abs() < 1e-12, "pulse at {pulse} s, at {time} s");
+            assert_eq!(slow, [0.5, 0.75].into_iter().filter(|tick| before(*tick)).count() as i32, "at {time} s");
+        }
+    }
+
+    // An input that belongs to a clock is set at its next tick. A saved state contains the times of the ticks.
+    let finish = |instance: &mut Instance| {
+        instance.set_real(&of("reference"), &[-1.0]).unwrap();
+        instance.do_step(0.35, 0.65).unwrap();
+        outputs(instance)
+    };
+    let mut instance = start();
+    instance.do_step(0.0, 0.35).unwrap();
+    let saved = instance.save_state().unwrap();
+    let bytes = instance.serialize_state(&saved).unwrap();
+    let expected = finish(&mut instance);
+    assert!((expected.0[0] - (4.0 * 0.3 - 6.0 * 0.1)).abs() < 1e-12, "{expected:?}");
+    instance.restore_state(&saved).unwrap();
+    assert_eq!(finish(&mut instance), expected);
+    let mut other = start();
+    let saved = other.deserialize_state(&bytes).unwrap();
+    other.restore_state(&saved).unwrap();
+    assert_eq!(finish(&mut other), expected);
 }
 
 /// A package without a model, and a package with contradictory settings, give messages with a remedy.

@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use fmu_import::archive::{Archive, ArchiveError};
-use fmu_import::description::{Causality, DataType, FmiVersion, Interface, ModelDescription, Variable};
+use fmu_import::description::{Causality, Clock, DataType, FmiVersion, Interface, ModelDescription, Variable};
 use fmu_import::terminal::{indented, line};
 use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -156,7 +156,7 @@ fn show(description: &ModelDescription, platforms: &[String]) {
     ] {
         table(description, causality, title);
     }
-    opaque(description);
+    clocks(description);
 }
 
 fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
@@ -190,17 +190,25 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     interfaces
 }
 
-/// Prints the Clocks, which scenarios neither read nor set.
-fn opaque(description: &ModelDescription) {
-    let variables = &description.opaque_variables;
-    if variables.is_empty() {
+/// Prints the clocks with their kinds.
+fn clocks(description: &ModelDescription) {
+    let clocks = &description.clocks;
+    if clocks.is_empty() {
         return;
     }
-    outln!("\nClocks; scenarios cannot use them ({})", variables.len());
-    let width = variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
-    for variable in variables {
-        let (name, text) = (line(&variable.name), variable.description.as_deref().unwrap_or_default());
-        outln!("  {name:width$}  {}", line(text));
+    outln!("\nClocks ({})", clocks.len());
+    let kind = |clock: &Clock| {
+        let (causality, kind) = (format!("{:?}", clock.causality).to_lowercase(), clock.interval_variability);
+        match clock.interval {
+            Some(interval) => format!("{causality}, {kind}, {interval} s"),
+            None => format!("{causality}, {kind}"),
+        }
+    };
+    let width = |of: &dyn Fn(&Clock) -> usize| clocks.iter().map(of).max().unwrap_or(0);
+    let (width, of_kind) = (width(&|clock| clock.name.chars().count()), width(&|clock| kind(clock).chars().count()));
+    for clock in clocks {
+        let (name, text) = (line(&clock.name), clock.description.as_deref().unwrap_or_default());
+        outln!("  {name:width$}  {:of_kind$}  {}", kind(clock), line(text));
     }
 }
 

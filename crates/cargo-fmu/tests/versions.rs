@@ -40,7 +40,7 @@ fn properties_that_only_fmi_3_has_are_listed() {
         "  wide               7      [UInt64]\n",
         "  image  0x00ff   [Binary, image/png, at most 8 bytes]\n",
         "  raw        0x   [Binary, application/octet-stream]\n",
-        "\nClocks; scenarios cannot use them (1)\n  tick",
+        "\nClocks (1)\n  tick",
     ] {
         assert!(listed.contains(expected), "{expected}: {listed}");
     }

@@ -376,7 +376,7 @@ fn structure(description: &ModelDescription, report: Report<'_>) {
     let derivatives: BTreeSet<usize> = description.derivatives.iter().map(|unknown| unknown.variable).collect();
     let initial = all(&|i, variable| {
         let is_unknown = variable.causality == Causality::Output || states.contains(&i) || derivatives.contains(&i);
-        let is_unknown = is_unknown && !variable.is_clocked;
+        let is_unknown = is_unknown && variable.clocks.is_empty();
         variable.causality == Causality::CalculatedParameter || (is_unknown && is_calculated(variable))
     });
 

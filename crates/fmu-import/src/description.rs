@@ -61,8 +61,8 @@ pub struct ModelDescription {
     pub default_experiment: DefaultExperiment,
     /// Variables in document order, except Clocks. An alias follows its variable.
     pub variables: Vec<Variable>,
-    /// Clocks (FMI 3.0), whose values this crate neither reads nor sets.
-    pub opaque_variables: Vec<OpaqueVariable>,
+    /// Clocks (FMI 3.0).
+    pub clocks: Vec<Clock>,
     /// Outputs in the model structure.
     pub outputs: Vec<Unknown>,
     /// State derivatives in the model structure.
@@ -400,8 +400,8 @@ pub struct Variable {
     pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
-    /// True if the variable changes only when clocks tick (attribute `clocks` in FMI 3.0).
-    pub is_clocked: bool,
+    /// Value references of the clocks at whose ticks the variable changes (attribute `clocks` in FMI 3.0).
+    pub clocks: Vec<Reference>,
     /// Index of the variable for which this is another name (`<Alias>` in FMI 3.0). An alias of an output is an output;
     /// other aliases are local, so that a value can be set by one name only.
     pub alias_of: Option<usize>,
@@ -418,19 +418,47 @@ pub enum Dimension {
     Parameter(usize),
 }
 
-/// A variable of the type Clock.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OpaqueVariable {
+/// A variable of the type Clock, or another name of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clock {
     /// Unique name.
     pub name: String,
     /// Value reference.
     pub reference: Reference,
-    /// Clock.
-    pub data_type: DataType,
     /// Role.
     pub causality: Causality,
+    /// Kind.
+    pub interval_variability: IntervalVariability,
+    /// Interval of a periodic clock in s, if the description contains it.
+    pub interval: Option<f64>,
+    /// Time of the first tick of a periodic clock after the start in s.
+    pub shift: f64,
     /// Description.
     pub description: Option<String>,
+}
+
+/// Kind of a clock (FMI 3.0.2, section 2.2.9).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub enum IntervalVariability {
+    /// Periodic, with a constant interval.
+    Constant,
+    /// Periodic, with an interval that is known after initialization.
+    Fixed,
+    /// Periodic, with an interval that follows from tunable parameters.
+    Tunable,
+    /// The FMU determines each interval at the tick before.
+    Changing,
+    /// The FMU starts it.
+    Countdown,
+    /// Activated by the importer or, as an output, by the FMU.
+    Triggered,
+}
+
+impl std::fmt::Display for IntervalVariability {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&format!("{self:?}").to_lowercase())
+    }
 }
 
 impl Variable {

@@ -10,6 +10,7 @@ mod array_values;
 mod binary;
 mod callbacks;
 pub mod calls;
+mod clocks;
 pub mod description_options;
 mod error;
 mod floats;

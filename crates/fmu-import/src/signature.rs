@@ -1,7 +1,10 @@
 //! The part of a description that is needed to call the library.
 
 use crate::c_api::Reference;
-use crate::description::{ArrayElement, BaseType, DataType, FmiVersion, Interface, ModelDescription, Value};
+use crate::description::{
+    ArrayElement, BaseType, Causality, DataType, FmiVersion, Interface, IntervalVariability, ModelDescription, Value,
+    Variable,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
@@ -18,6 +21,30 @@ pub(crate) struct Signature {
     marks: Vec<u64>,
     pub(crate) states: usize,
     pub(crate) event_indicators: usize,
+    /// Input clocks in co-simulation.
+    pub(crate) clocks: Vec<InputClock>,
+    pub(crate) clocked: Vec<Clocked>,
+}
+
+/// An input clock that the loader activates.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct InputClock {
+    pub(crate) reference: Reference,
+    pub(crate) kind: IntervalVariability,
+    /// Interval in s; `None` if the loader must ask for it.
+    pub(crate) interval: Option<f64>,
+    /// Time of the first tick after the start in s.
+    pub(crate) shift: f64,
+}
+
+/// A variable that is accessible only while one of its clocks is active.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Clocked {
+    pub(crate) reference: Reference,
+    pub(crate) base_type: BaseType,
+    pub(crate) size: usize,
+    pub(crate) is_input: bool,
+    pub(crate) clocks: Vec<Reference>,
 }
 
 /// Greater value references have no bit and are looked up in the table.
@@ -65,7 +92,28 @@ impl Signature {
             }
             marks[word] |= 1 << bit;
         }
+        let is_co_simulation = interface == Interface::CoSimulation;
+        let inputs = description.clocks.iter().filter(|clock| clock.causality == Causality::Input && is_co_simulation);
+        let mut clocks: Vec<InputClock> = Vec::new();
+        for clock in inputs {
+            // The list also contains aliases.
+            if clocks.iter().all(|known| known.reference != clock.reference) {
+                let (reference, kind) = (clock.reference, clock.interval_variability);
+                clocks.push(InputClock { reference, kind, interval: clock.interval, shift: clock.shift });
+            }
+        }
+        let is_clocked = |variable: &&Variable| !variable.clocks.is_empty() && variable.alias_of.is_none();
+        let clocked = description.variables.iter().filter(|_| is_co_simulation).filter(is_clocked);
+        let clocked = clocked.map(|variable| Clocked {
+            reference: variable.reference,
+            base_type: variable.base_type,
+            size: variable.size,
+            is_input: variable.causality == Causality::Input,
+            clocks: variable.clocks.clone(),
+        });
         Self {
+            clocks,
+            clocked: clocked.collect(),
             fmi: description.fmi,
             interface,
             special,

@@ -160,9 +160,16 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
         Some(variable) if settable(&variable) => Ok(variable),
         Some(variable) => Err(NoParameter {
             message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
-            help: (variable.causality == Causality::Input).then(|| {
-                "use `inputs` to hold an input constant, or `start = \"steady\"` to start in a steady state".to_owned()
-            }),
+            help: match variable.causality {
+                Causality::Input => Some(
+                    "use `inputs` to hold an input constant, or `start = \"steady\"` to start in a steady state"
+                        .to_owned(),
+                ),
+                Causality::CalculatedParameter => {
+                    Some("set the parameters from which it follows; `cargo fmu inspect` lists them".to_owned())
+                }
+                _ => None,
+            },
         }),
         None => Err(NoParameter {
             message: format!("{model} has no parameter `{name}`"),

@@ -16,7 +16,7 @@ impl Trial<'_> {
         let is_tried = |variable: &&Variable| {
             let is_plain = matches!(variable.data_type, DataType::Float64 | DataType::Int32 | DataType::Boolean);
             let is_input = variable.causality == Causality::Input && variable.alias_of.is_none();
-            is_input && !variable.is_clocked && (variable.is_array() || !is_plain)
+            is_input && variable.clocks.is_empty() && (variable.is_array() || !is_plain)
         };
         let variables: Vec<&Variable> = self.description.variables.iter().filter(is_tried).collect();
         if self.description.fmi == FmiVersion::V2 || variables.is_empty() {

@@ -61,6 +61,12 @@ pub type DoStep = call!(f64, f64, bool, *mut RawBoolean, *mut RawBoolean, *mut R
 /// changed, next event time defined, next event time.
 pub type UpdateDiscreteStates =
     call!(*mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
+/// `fmi3SetClock`: references, their number, true for clocks to activate.
+pub type SetClock = call!(*const Reference, usize, *const bool);
+/// `fmi3GetIntervalDecimal`: references, their number, intervals in s, qualifiers.
+pub type GetInterval = call!(*const Reference, usize, *mut f64, *mut c_int);
+/// `fmi3GetShiftDecimal`: references, their number, times in s.
+pub type GetShift = call!(*const Reference, usize, *mut f64);
 /// `fmi3CompletedIntegratorStep`: true if no earlier state will be restored; results: enter Event Mode, terminate.
 pub type CompletedIntegratorStep = call!(bool, *mut RawBoolean, *mut RawBoolean);
 /// `fmi3GetNumberOfEventIndicators`, `fmi3GetNumberOfContinuousStates`.

@@ -52,8 +52,8 @@ impl ModelDescription {
                 chosen.push(i);
             }
         }
-        let opaque = self.opaque_variables.iter().map(|variable| variable.reference);
-        let mut next = gap(self.variables.iter().map(|variable| variable.reference).chain(opaque), counted);
+        let clocks = self.clocks.iter().map(|clock| clock.reference);
+        let mut next = gap(self.variables.iter().map(|variable| variable.reference).chain(clocks), counted);
         for i in chosen {
             let end = next + self.variables[i].size as Reference;
             references[i] = Some(next..end);

@@ -5,8 +5,8 @@ mod v2;
 mod v3;
 
 use super::{
-    BaseUnit, Capabilities, Causality, DefaultExperiment, DisplayUnit, FmiVersion, Item, ModelDescription,
-    OpaqueVariable, Unit, Unknown, Variable,
+    BaseUnit, Capabilities, Causality, Clock, DefaultExperiment, DisplayUnit, FmiVersion, Item, ModelDescription, Unit,
+    Unknown, Variable,
 };
 use crate::terminal;
 use crate::xml::{self, Element, XmlError};
@@ -30,7 +30,7 @@ const MAX_ELEMENTS: usize = 10_000_000;
 #[derive(Default)]
 struct Variables {
     list: Vec<Variable>,
-    opaque: Vec<OpaqueVariable>,
+    clocks: Vec<Clock>,
     names: HashSet<String>,
 }
 
@@ -116,7 +116,7 @@ impl ModelDescription {
             by_name: variables.list.iter().enumerate().map(|(i, variable)| (variable.name.clone(), i)).collect(),
             units_by_name,
             variables: variables.list,
-            opaque_variables: variables.opaque,
+            clocks: variables.clocks,
         })
     }
 }
@@ -372,7 +372,7 @@ mod tests {
         let image = d.variable("image").unwrap();
         assert_eq!(image.start, Some(Value::Binary { hex: b"foo".to_vec() }));
         assert_eq!((image.mime_type(), image.max_size), ("image/png", Some(1024)));
-        assert_eq!(d.opaque_variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["tick"]);
+        assert_eq!(d.clocks.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["tick"]);
         assert_eq!(d.display_units(level).len(), 1, "the reciprocal is not read");
 
         assert_eq!(d.outputs.iter().map(|unknown| unknown.variable).collect::<Vec<_>>(), [d.index("level").unwrap()]);

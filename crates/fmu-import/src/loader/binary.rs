@@ -24,6 +24,10 @@ impl Instance {
 
     /// Like [`Self::get_binary`], into existing values. Allocates only for more or longer values than before.
     pub fn read_binary(&mut self, refs: &[Reference], values: &mut [Vec<u8>]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let of = |value: &Value| if let Value::Binary { hex } = value { Some(hex.clone()) } else { None };
+            return self.get_held(refs, values, of, Self::read_binary);
+        }
         const NAME: Function = Function::GetBinary;
         self.same_length(NAME, self.elements(refs), values.len())?;
         if self.has_special(refs) && self.has_elements(refs) {
@@ -78,6 +82,10 @@ impl Instance {
 
     /// `fmi3SetBinary`: one value per element.
     pub fn set_binary<V: AsRef<[u8]>>(&mut self, refs: &[Reference], values: &[V]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let to = |value: &V| Some(Value::Binary { hex: value.as_ref().to_vec() });
+            return self.set_held(refs, values, to, Self::set_binary);
+        }
         const NAME: Function = Function::SetBinary;
         self.same_length(NAME, self.elements(refs), values.len())?;
         if self.has_special(refs) && self.has_elements(refs) {

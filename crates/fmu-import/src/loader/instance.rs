@@ -3,6 +3,7 @@
 use super::array_values::{Buffers, Whole};
 use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
 use super::calls::{self, Board, Function};
+use super::clocks::Clocks;
 use super::error::{CallError, CallProblem, Message, Status};
 use super::floats::{self, FloatEnvironment};
 use super::functions::Functions;
@@ -18,8 +19,7 @@ use std::sync::atomic::Ordering;
 /// Results of the last `fmi3DoStep`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepEnd {
-    /// Ignored, because Event Mode is not used.
-    _event: v3::RawBoolean,
+    pub(super) event: v3::RawBoolean,
     pub(super) terminate: v3::RawBoolean,
     early: v3::RawBoolean,
     pub(super) time: f64,
@@ -54,6 +54,10 @@ pub struct Instance {
     pub(super) has_entered: bool,
     pub(super) whole: Whole,
     pub(super) buffers: Buffers,
+    /// Clocks of an FMU of FMI 3.0, if it has any.
+    pub(super) clocks: Option<Box<Clocks>>,
+    /// The clocks of each of `states`.
+    pub(super) saved_clocks: Vec<Option<Box<Clocks>>>,
     pub(super) log: OpenLog,
     // The instance keeps a pointer to the callbacks until it is freed.
     _callbacks: Box<CallbackFunctions>,
@@ -66,7 +70,7 @@ unsafe impl Send for Instance {}
 
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the library's interface.
-    /// Sets `visible` to false, and uses neither Event Mode in co-simulation nor early return. `logging` requests
+    /// Sets `visible` to false, and uses neither early return nor, in co-simulation without clocks, Event Mode. `logging` requests
     /// messages other than errors. Fails if the FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
@@ -120,7 +124,8 @@ impl Instance {
                         resources,
                         false,
                         logging,
-                        false,
+                        // FMI 3.0.2, section 2.3.1: required if the FMU has clocks.
+                        Clocks::of(&library.signature).is_some(),
                         false,
                         ptr::null(),
                         0,
@@ -167,6 +172,8 @@ impl Instance {
             has_entered: false,
             whole: Whole::default(),
             buffers: Buffers::default(),
+            clocks: Clocks::of(&library.signature),
+            saved_clocks: Vec::new(),
             log,
             _callbacks: callbacks,
             library: Arc::clone(library),
@@ -357,8 +364,12 @@ impl Instance {
 
     /// `fmi2ExitInitializationMode`.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
+        if self.clocks.is_some() {
+            self.start_clocks(self.experiment.0)?;
+        }
         // SAFETY: live instance.
-        self.call(Function::ExitInitializationMode, |f, c| unsafe { f.exit_initialization_mode()(c) })
+        self.call(Function::ExitInitializationMode, |f, c| unsafe { f.exit_initialization_mode()(c) })?;
+        if self.clocks.is_some() { self.enter_first_step_mode() } else { Ok(()) }
     }
 
     /// `fmi2Terminate`.
@@ -371,6 +382,7 @@ impl Instance {
     pub fn reset(&mut self) -> Result<(), CallError> {
         self.has_entered = false;
         self.whole = Whole::default();
+        self.clocks = Clocks::of(self.signature());
         // SAFETY: live instance.
         self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
     }
@@ -378,14 +390,19 @@ impl Instance {
     /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards. Also fails if
     /// the FMU has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+        if self.clocks.is_some() { self.step_with_clocks(time, step) } else { self.step(time, step) }
+    }
+
+    /// Like [`Self::do_step`], without ticks of clocks.
+    pub(super) fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
         // SAFETY: live instance; the end of the step is written through valid pointers.
         let result = self.call_present(Function::DoStep, |f, c| unsafe {
             match f {
                 Functions::V2(f) => Some(f.do_step?(c, time, step, c_api::TRUE)),
                 Functions::V3(f) => {
-                    let StepEnd { _event, terminate, early, time: reached } = &mut end;
-                    Some(f.do_step?(c, time, step, true, _event, terminate, early, reached))
+                    let StepEnd { event, terminate, early, time: reached } = &mut end;
+                    Some(f.do_step?(c, time, step, true, event, terminate, early, reached))
                 }
             }
         });

@@ -1,11 +1,14 @@
 //! Saved states.
 
 use super::calls::Function;
+use super::clocks::Clocks;
 use super::error::{CallError, CallProblem};
 use super::functions::Functions;
 use super::instance::Instance;
 use crate::c_api;
 use std::ptr;
+
+const NO_CLOCKS: CallProblem = CallProblem::Arguments("the bytes do not contain the clocks of the FMU");
 
 /// A state saved with [`Instance::save_state`]; valid only for the instance that saved it.
 #[derive(Debug)]
@@ -32,6 +35,7 @@ impl Instance {
     fn keep(&mut self, state: c_api::State) -> SavedState {
         let owner = self.owner();
         self.states.push(state);
+        self.saved_clocks.push(self.clocks.clone());
         SavedState { owner, slot: self.states.len() - 1 }
     }
 
@@ -56,6 +60,7 @@ impl Instance {
         let result = self.call_optional(NAME, Functions::get_state, get);
         // The FMU may have replaced the pointer, even if it failed.
         self.states[saved.slot] = state;
+        self.saved_clocks[saved.slot].clone_from(&self.clocks);
         result
     }
 
@@ -68,7 +73,9 @@ impl Instance {
             Functions::set_state,
             // SAFETY: live instance; the state is one that this instance returned.
             |f, c| unsafe { f(c, state) },
-        )
+        )?;
+        self.clocks.clone_from(&self.saved_clocks[saved.slot]);
+        Ok(())
     }
 
     /// `fmi2FreeFMUstate`.
@@ -107,19 +114,30 @@ impl Instance {
             self.overrun = Some(NAME);
         }
         bytes.truncate(size);
+        if let Some(clocks) = &self.saved_clocks[saved.slot] {
+            clocks.append(&mut bytes);
+        }
         Ok(bytes)
     }
 
     /// `fmi2DeSerializeFMUstate`: restores a saved state from its bytes.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
+        const NAME: Function = Function::DeserializeFmuState;
+        let clocks = match &self.clocks {
+            Some(_) => Some(Clocks::split(bytes).ok_or_else(|| self.failure(NAME, NO_CLOCKS))?),
+            None => None,
+        };
+        let (bytes, clocks) = clocks.map_or((bytes, None), |(bytes, clocks)| (bytes, Some(clocks)));
         let mut state = ptr::null_mut();
         // SAFETY: live instance; the bytes have the stated length; null asks for a new state.
-        self.call_present(Function::DeserializeFmuState, |f, c| unsafe {
+        self.call_present(NAME, |f, c| unsafe {
             match f {
                 Functions::V2(f) => Some(f.deserialize_state?(c, bytes.as_ptr().cast(), bytes.len(), &raw mut state)),
                 Functions::V3(f) => Some(f.deserialize_state?(c, bytes.as_ptr(), bytes.len(), &raw mut state)),
             }
         })?;
-        Ok(self.keep(state))
+        let saved = self.keep(state);
+        self.saved_clocks[saved.slot] = clocks;
+        Ok(saved)
     }
 }

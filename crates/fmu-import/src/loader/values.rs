@@ -13,20 +13,29 @@ use std::ptr;
 impl Instance {
     /// The values of all elements of a variable.
     pub fn get_values(&mut self, variable: &Variable) -> Result<Vec<Value>, CallError> {
-        let reference = [variable.reference];
-        Ok(match variable.base_type {
+        self.values_of(variable.reference, variable.base_type, variable.size)
+    }
+
+    pub(super) fn values_of(
+        &mut self,
+        reference: Reference,
+        base_type: BaseType,
+        size: usize,
+    ) -> Result<Vec<Value>, CallError> {
+        let reference = [reference];
+        Ok(match base_type {
             BaseType::Real => {
-                let mut values = vec![0.0; variable.size];
+                let mut values = vec![0.0; size];
                 self.get_real(&reference, &mut values)?;
                 values.into_iter().map(Value::Real).collect()
             }
             BaseType::Integer => {
-                let mut values = vec![0_i128; variable.size];
+                let mut values = vec![0_i128; size];
                 self.get_integer(&reference, &mut values)?;
                 values.into_iter().filter_map(Value::integer).collect()
             }
             BaseType::Boolean => {
-                let mut values = vec![0; variable.size];
+                let mut values = vec![0; size];
                 self.get_boolean(&reference, &mut values)?;
                 values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
             }
@@ -37,8 +46,17 @@ impl Instance {
 
     /// Sets the values of all elements of a variable, which must have the type of the variable.
     pub fn set_values(&mut self, variable: &Variable, values: &[Value]) -> Result<(), CallError> {
-        let reference = [variable.reference];
-        match variable.base_type {
+        self.set_values_of(variable.reference, variable.base_type, values)
+    }
+
+    pub(super) fn set_values_of(
+        &mut self,
+        reference: Reference,
+        base_type: BaseType,
+        values: &[Value],
+    ) -> Result<(), CallError> {
+        let reference = [reference];
+        match base_type {
             BaseType::Real => {
                 let number = |value: &Value| if let Value::Real(number) = value { Some(*number) } else { None };
                 let values: Vec<f64> = values.iter().filter_map(number).collect();
@@ -79,6 +97,10 @@ impl Instance {
 
     /// `fmi2GetReal`, `fmi3GetFloat64`. An array has one value per element.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let of = |value: &Value| if let Value::Real(number) = value { Some(*number) } else { None };
+            return self.get_held(refs, values, of, Self::get_real);
+        }
         if self.has_special(refs) {
             if self.has_elements(refs) {
                 return self.get_elements(refs, values, Self::get_real);
@@ -92,6 +114,10 @@ impl Instance {
     /// `fmi2GetInteger`, `fmi3GetInt32`, and the functions for other integer types. Fails if a value does not fit in
     /// `T`.
     pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let of = |value: &Value| value.whole().and_then(T::from_whole);
+            return self.get_held(refs, values, of, Self::get_integer);
+        }
         if self.has_special(refs) {
             if self.has_elements(refs) {
                 return self.get_elements(refs, values, Self::get_integer);
@@ -118,6 +144,10 @@ impl Instance {
 
     /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, every other value is true.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let of = |value: &Value| if let Value::Boolean(is) = value { Some((*is).into()) } else { None };
+            return self.get_held(refs, values, of, Self::get_boolean);
+        }
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
                 return self.get_elements(refs, values, Self::get_boolean);
@@ -137,6 +167,16 @@ impl Instance {
 
     /// `fmi2GetString`, `fmi3GetString`: one String per element.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
+        if self.has_clocked(refs) {
+            let of = |value: &Value| if let Value::String(text) = value { Some(text.clone()) } else { None };
+            let get = |this: &mut Self, refs: &[Reference], values: &mut [String]| {
+                values.clone_from_slice(&this.get_string(refs)?);
+                Ok(())
+            };
+            let mut values = vec![String::new(); self.elements(refs)];
+            self.get_held(refs, &mut values, of, get)?;
+            return Ok(values);
+        }
         if self.has_special(refs) && self.has_elements(refs) {
             return self.get_list_elements(refs, Self::get_string);
         }
@@ -185,6 +225,9 @@ impl Instance {
 
     /// `fmi2SetReal`, `fmi3SetFloat64`. An array has one value per element.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            return self.set_held(refs, values, |value| Some(Value::Real(*value)), Self::set_real);
+        }
         if self.has_special(refs) {
             if self.has_elements(refs) {
                 return self.set_elements(refs, values, Self::get_real, Self::set_real);
@@ -198,6 +241,10 @@ impl Instance {
     /// `fmi2SetInteger`, `fmi3SetInt32`; also sets enumerations and the other integer types of FMI 3.0. Also fails if a
     /// value does not fit in the variable's type.
     pub fn set_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &[T]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let to = |value: &T| value.whole().and_then(Value::integer);
+            return self.set_held(refs, values, to, Self::set_integer);
+        }
         if self.has_special(refs) {
             if self.has_elements(refs) {
                 return self.set_elements(refs, values, Self::get_integer, Self::set_integer);
@@ -226,6 +273,9 @@ impl Instance {
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`; values are 0 or 1.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            return self.set_held(refs, values, |value| Some(Value::Boolean(*value != 0)), Self::set_boolean);
+        }
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
                 return self.set_elements(refs, values, Self::get_boolean, Self::set_boolean);
@@ -244,6 +294,10 @@ impl Instance {
 
     /// `fmi2SetString`, `fmi3SetString`: one String per element.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
+        if self.has_clocked(refs) {
+            let to = |value: &&str| Some(Value::String((*value).to_owned()));
+            return self.set_held(refs, values, to, Self::set_string);
+        }
         if self.has_special(refs) && self.has_elements(refs) {
             let texts: Vec<String> = values.iter().map(|text| (*text).to_owned()).collect();
             let of = |start: &Value| if let Value::String(text) = start { Some(text.clone()) } else { None };

@@ -107,7 +107,7 @@ pub(super) fn variable(
         declared_type: own.attribute("declaredType").map(str::to_string),
         items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of: None,
-        is_clocked: false,
+        clocks: Vec::new(),
         alias_of: None,
         element: None,
         name,

@@ -2,12 +2,13 @@
 
 use super::types::{self, Type, Types};
 use super::{
-    MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_kinds, check_length, word,
+    MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_kinds, check_length, chosen,
+    word,
 };
 use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 use crate::description::{
-    Causality, DataType, Dimension, FmiVersion, Initial, OpaqueVariable, Unknown, Value, Variable,
+    Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, Unknown, Value, Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
@@ -56,12 +57,21 @@ impl<'a> VariableReader<'a> {
                 let name = bounded(named, "name", MAX_NAME)?.to_string();
                 let description = text(named);
                 self.variables.take(named, &name)?;
-                self.variables.opaque.push(OpaqueVariable { name, reference, data_type, causality, description });
+                self.variables.clocks.push(Clock {
+                    name,
+                    reference,
+                    causality,
+                    interval_variability: chosen(element, "intervalVariability", FMI)?
+                        .unwrap_or(IntervalVariability::Triggered),
+                    interval: element.real("intervalDecimal")?,
+                    shift: element.real("shiftDecimal")?.unwrap_or(0.0),
+                    description,
+                });
             }
             return Ok(());
         };
         let variable = Variable {
-            is_clocked: element.attribute("clocks").is_some(),
+            clocks: clocks(element)?,
             ..types::variable(element, element, FMI, (base_type, data_type), types)?
         };
         let mut named = vec![(element, variable.clone())];
@@ -212,6 +222,15 @@ impl<'a> VariableReader<'a> {
         check_kinds(element, FMI, list.as_ref().map(Vec::len))?;
         Ok(Some(Unknown { variable, dependencies: list.map(|list| list.into_iter().flatten().collect()) }))
     }
+}
+
+/// The attribute `clocks`.
+fn clocks(element: &Element) -> Result<Vec<Reference>, XmlError> {
+    let reference = |text: &str| {
+        let message = || format!("<{}> has clocks=\"{text}\", which is not a list of value references", element.name);
+        text.parse().map_err(|_| element.place.error(message()))
+    };
+    element.attribute("clocks").unwrap_or_default().split_ascii_whitespace().map(reference).collect()
 }
 
 /// Parses a value in a list; `None` if it does not have this type.

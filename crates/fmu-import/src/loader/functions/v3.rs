@@ -6,24 +6,20 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 18] = [
+pub(super) const UNUSED: [&str; 14] = [
     "fmi3InstantiateScheduledExecution",
     "fmi3GetClock",
-    "fmi3SetClock",
     "fmi3GetNumberOfVariableDependencies",
     "fmi3GetVariableDependencies",
     "fmi3EnterConfigurationMode",
     "fmi3ExitConfigurationMode",
-    "fmi3GetIntervalDecimal",
     "fmi3GetIntervalFraction",
-    "fmi3GetShiftDecimal",
     "fmi3GetShiftFraction",
     "fmi3SetIntervalDecimal",
     "fmi3SetIntervalFraction",
     "fmi3SetShiftDecimal",
     "fmi3SetShiftFraction",
     "fmi3EvaluateDiscreteStates",
-    "fmi3EnterStepMode",
     "fmi3ActivateModelPartition",
 ];
 
@@ -79,6 +75,12 @@ table! {
             do_step: v3::DoStep = "fmi3DoStep",
         }
         get_output_derivatives: v3::GetOutputDerivatives = "fmi3GetOutputDerivatives",
+        begin_event: c_api::Transition = "fmi3EnterEventMode",
+        update_event: v3::UpdateDiscreteStates = "fmi3UpdateDiscreteStates",
+        end_event: c_api::Transition = "fmi3EnterStepMode",
+        set_clock: v3::SetClock = "fmi3SetClock",
+        get_interval: v3::GetInterval = "fmi3GetIntervalDecimal",
+        get_shift: v3::GetShift = "fmi3GetShiftDecimal",
     }
     ModelExchange {
         needed {
