@@ -80,8 +80,9 @@ impl Timing {
                 (Span::Fraction(counter, resolution), Span::Fraction(0, resolution))
             }
             (Interval::Constant(Span::Fraction(a, b)), Some(Span::Fraction(c, d))) => {
-                let common = b / greatest_common_divisor(b, d) * d;
-                (Span::Fraction(a * (common / b), common), Span::Fraction(c * (common / d), common))
+                let common = product(b / greatest_common_divisor(b, d), d);
+                let interval = Span::Fraction(product(a, common / b), common);
+                (interval, Span::Fraction(product(c, common / d), common))
             }
             (Interval::Constant(interval), shift) => (
                 Span::Decimal(interval.seconds()),
@@ -108,6 +109,13 @@ impl Timing {
             }
             Self::Countdown(None) | Self::Triggered => None,
         }
+    }
+}
+
+const fn product(a: u64, b: u64) -> u64 {
+    match a.checked_mul(b) {
+        Some(product) => product,
+        None => panic!("the common denominator of interval and shift does not fit in 64 bits"),
     }
 }
 
@@ -170,20 +178,31 @@ pub struct Tick<'a, M: Clocked> {
     /// Derived parameters.
     pub derived: &'a M::Derived,
     pub(crate) schedules: &'a mut [Schedule],
-    pub(crate) fault: &'a mut Option<(usize, f64)>,
+    /// Position of this clock in [`Clocked::CLOCKS`].
+    pub(crate) clock: usize,
+    /// Time of the event in s. With an importer that activates the clocks, it may differ from `time` by rounding
+    /// errors.
+    pub(crate) event: f64,
+    pub(crate) fault: &'a mut Option<String>,
 }
 
 impl<M: Clocked> Tick<'_, M> {
-    /// Lets a `countdown` clock, or a `changing` clock at its tick, tick next in `after` s, instead of a tick that was
-    /// started before. The step fails if `after` is negative or not finite.
+    /// Lets a `countdown` clock, or a `changing` clock at its own tick, tick next in `after` s, instead of a tick that
+    /// was started before. The step fails if `after` is negative or not finite, or at a tick of another clock than the
+    /// `changing` one.
     pub fn start(&mut self, clock: M::Timers, after: f64) {
         let clock = clock.into();
+        let InputClock { name, timing, .. } = M::CLOCKS[clock];
+        let time = self.time;
         if !(after >= 0.0 && after.is_finite()) {
-            *self.fault = Some((clock, after));
-            return;
+            *self.fault =
+                Some(format!("the clock '{name}' cannot tick in {after} s, as the model requests at {time} s"));
+        } else if matches!(timing, Timing::Changing(_)) && clock != self.clock {
+            *self.fault = Some(format!("the `changing` clock '{name}' can be started at its own ticks only"));
+        } else {
+            self.schedules[clock].start(time, after);
+            self.schedules[clock].deviation = (self.event - time).abs();
         }
-        let schedule = &mut self.schedules[clock];
-        (schedule.next, schedule.interval, schedule.is_new) = (self.time + after, after, true);
     }
 }
 
@@ -200,18 +219,33 @@ pub struct Schedule {
     pub(crate) next: f64,
     /// The last interval in s that was set.
     pub(crate) interval: f64,
-    /// True if the interval has changed at the present event.
+    /// True if the importer has not asked for the interval since it has changed.
     pub(crate) is_new: bool,
+    /// Time from which the interval of an aperiodic clock counts, in s.
+    from: f64,
+    /// Difference between this time and the one from which the importer counts, in s.
+    pub(crate) deviation: f64,
+    /// Time of the present tick, and the time since the last one, in s; used during an event only.
+    pub(crate) present: (f64, f64),
 }
 
 impl Schedule {
     /// No tick.
-    pub const NONE: Self =
-        Self { base: 0.0, count: 0, last: 0.0, next: f64::INFINITY, interval: f64::INFINITY, is_new: false };
+    pub const NONE: Self = Self {
+        base: 0.0,
+        count: 0,
+        last: 0.0,
+        next: f64::INFINITY,
+        interval: f64::INFINITY,
+        is_new: false,
+        from: 0.0,
+        deviation: 0.0,
+        present: (0.0, 0.0),
+    };
 
     /// The first tick of a clock after `start`. `interval` is the present value in s.
     fn new(timing: Timing, start: f64, interval: f64) -> Self {
-        let none = Self { base: start, last: start, interval, ..Self::NONE };
+        let none = Self { base: start, last: start, from: start, interval, ..Self::NONE };
         let known = |next| Self { next, is_new: true, ..none };
         match timing {
             Timing::Periodic { shift, .. } => known(start + shift.seconds()),
@@ -227,7 +261,23 @@ impl Schedule {
 
     /// Returns true if the clock is due at `time`.
     pub(crate) fn is_due(&self, time: f64) -> bool {
-        (self.next - time).abs() <= slack(self.interval.min(1.0), time)
+        (self.next - time).abs() <= slack(self.interval.min(1.0), time) + self.deviation
+    }
+
+    /// Lets an aperiodic clock tick `after` s after `time`.
+    fn start(&mut self, time: f64, after: f64) {
+        (self.next, self.from, self.interval, self.is_new) = (time + after, time, after, true);
+    }
+
+    /// The interval that an importer asks for at `time`, in s.
+    pub(crate) fn interval_at(&self, timing: Timing, time: f64) -> f64 {
+        match timing {
+            // The importer has missed the event at which the clock was started.
+            Timing::Changing(_) | Timing::Countdown(_) if self.is_new && (self.from - time).abs() > self.deviation => {
+                (self.next - time).max(0.0)
+            }
+            _ => self.interval,
+        }
     }
 
     /// Moves on to the tick after the one at `time`. Returns the time since the last tick in s.
@@ -248,8 +298,7 @@ impl Schedule {
                 self.interval
             }
             Timing::Changing(_) => {
-                self.next = time + self.interval;
-                self.is_new = true;
+                self.start(time, self.interval);
                 passed
             }
             Timing::Countdown(_) | Timing::Triggered => {
@@ -267,14 +316,16 @@ impl Schedule {
         }
         (self.interval, self.is_new) = (interval, true);
         if self.count > 0 {
-            (self.base, self.count) = (self.last - shift.seconds(), 1);
-            self.next = (self.last + interval).max(time);
+            // A tick that would be in the past is due now, and the next one follows after the new interval.
+            let last = self.last.max(time - interval);
+            (self.base, self.count) = (last - shift.seconds(), 1);
+            self.next = (last + interval).max(time);
         }
     }
 
     fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
-        let Self { base, count, last, next, interval, is_new } = *self;
-        for number in [base, last, next, interval] {
+        let Self { base, count, last, next, interval, is_new, from, deviation, .. } = *self;
+        for number in [base, last, next, interval, from, deviation] {
             sink(Word::Whole(number.to_bits()));
         }
         sink(Word::Whole(count));
@@ -284,11 +335,13 @@ impl Schedule {
     fn restore(source: &mut Words<'_>) -> Result<Self, String> {
         let mut number = || source.whole("time of a clock").map(f64::from_bits);
         let (base, last, next, interval) = (number()?, number()?, number()?, number()?);
-        if !(base.is_finite() && last.is_finite() && next >= last && interval >= 0.0) {
+        let (from, deviation) = (number()?, number()?);
+        let times = [base, last, from, deviation];
+        if !(times.iter().all(|time| time.is_finite()) && next >= last && interval >= 0.0) {
             return Err(format!("a clock cannot tick at {last} s, then at {next} s"));
         }
         let (count, is_new) = (source.whole("count of a clock")?, source.choice("interval of a clock")? != 0);
-        Ok(Self { base, count, last, next, interval, is_new })
+        Ok(Self { base, count, last, next, interval, is_new, from, deviation, ..Self::NONE })
     }
 }
 
@@ -338,12 +391,13 @@ pub(crate) fn update_intervals<M: Clocked>(
     Ok(())
 }
 
-/// Moves the schedule of a clock on to its next tick. Returns the time of the present tick, and the time since the last
-/// one, in s.
-pub(crate) fn advance<M: Clocked>(schedules: &mut [Schedule], clock: usize, time: f64) -> (f64, f64) {
-    let schedule = &mut schedules[clock];
-    let due = schedule.due(time);
-    (due, schedule.advance(M::CLOCKS[clock].timing, due))
+/// Moves the schedules of the active clocks on to their next ticks, at an event at `time`. A bit for each active clock.
+pub(crate) fn advance<M: Clocked>(schedules: &mut [Schedule], active: u64, time: f64) {
+    for (clock, schedule) in schedules.iter_mut().enumerate().filter(|(clock, _)| active >> clock & 1 != 0) {
+        let due = schedule.due(time);
+        schedule.present = (due, schedule.advance(M::CLOCKS[clock].timing, due));
+        schedule.deviation = (time - due).abs();
+    }
 }
 
 pub(crate) fn save(schedules: &[Schedule], sink: &mut dyn FnMut(Word<'_>)) {
@@ -405,7 +459,9 @@ mod tests {
         assert_eq!(schedule.next, 10.75);
         schedule.advance(timing, 10.75);
         assert_eq!(schedule.next, 11.0);
-        schedule.set_interval(shift, 0.1, 10.95);
-        assert_eq!(schedule.next, 10.95, "no tick in the past");
+        schedule.set_interval(shift, 0.0625, 10.9375);
+        assert_eq!(schedule.next, 10.9375, "no tick in the past");
+        schedule.advance(timing, 10.9375);
+        assert_eq!(schedule.next, 11.0, "nor after it");
     }
 }

@@ -254,6 +254,9 @@ fn mistaken_clock(layout: &Layout) -> Option<String> {
                 Some(Interval::Of(parameter)) if clocks::parameter(layout, parameter).is_none() => {
                     Some(format!("the interval of the clock '{name}': the model has no real parameter '{parameter}'"))
                 }
+                _ if matches!(timing, Timing::Periodic { shift, .. } if !(shift.seconds() >= 0.0 && shift.seconds().is_finite())) => {
+                    Some(format!("the shift of the clock '{name}' must be at least 0 s"))
+                }
                 Some(Interval::Constant(span)) if !(span.seconds() > 0.0 && span.seconds().is_finite()) => {
                     Some(format!("the interval of the clock '{name}' must be above 0 s, got {} s", span.seconds()))
                 }

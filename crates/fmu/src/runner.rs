@@ -201,8 +201,8 @@ pub trait Model: Sized + 'static {
     /// Computes the outputs; for a source, those of its first sample.
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore);
     /// The schedules of the input clocks.
-    fn schedules(_: &Self::RunnerState) -> &[Schedule] {
-        &[]
+    fn schedules(_: &mut Self::RunnerState) -> &mut [Schedule] {
+        &mut []
     }
     /// If a clock that the importer activates is due before `end`, the end of a step of `step` s, returns the message.
     fn missed_tick(_: Run<'_, Self>, _end: f64, _step: f64) -> Option<String> {

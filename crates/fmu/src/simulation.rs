@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::clocks::Clocked;
+use crate::clocks::{Clocked, InputClock, Timing};
 use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::{ClockedModel, Context, ContinuousModel, DiscreteModel, MOST_PARTS, Model, Run, Step};
 use crate::store::{Counts, ValueStore};
@@ -314,16 +314,20 @@ impl<M: Clocked> ClockedSimulation<M> {
         Ok(M::Outputs::read(self.values.view(), self.layout.outputs.at))
     }
 
-    /// Lets triggered clocks tick now, and returns the outputs. Fails if the model has no input clock with one of the
-    /// names, or like [`Self::step`].
+    /// Lets triggered clocks tick now, and returns the outputs. Fails if the model has no triggered input clock with one
+    /// of the names, or like [`Self::step`].
     pub fn trigger(&mut self, inputs: &M::Inputs, clocks: &[&str]) -> Result<M::Outputs, String> {
+        let mut active = Vec::new();
         for name in clocks {
-            let clock = M::CLOCKS.iter().position(|clock| clock.name == *name);
-            let clock = clock.ok_or_else(|| format!("the model has no input clock '{name}'"))?;
-            self.values.booleans[self.layout.clocks.at.booleans + clock] = true;
+            let is_it = |clock: &InputClock| clock.name == *name && clock.timing == Timing::Triggered;
+            let clock = M::CLOCKS.iter().position(is_it);
+            active.push(clock.ok_or_else(|| format!("the model has no triggered input clock '{name}'"))?);
         }
+        let at = self.layout.clocks.at.booleans;
+        active.iter().for_each(|clock| self.values.booleans[at + clock] = true);
         let Run { ctx, run, values } = self.context(inputs);
-        ClockedModel::<M>::evaluate_clocks(Run { ctx, run, values })?;
+        ClockedModel::<M>::evaluate_clocks(Run { ctx, run, values })
+            .inspect_err(|_| active.iter().for_each(|clock| values.booleans[at + clock] = false))?;
         let outputs = M::Outputs::read(values.view(), ctx.layout.outputs.at);
         let mut timeline = Timeline::ZERO;
         ClockedModel::<M>::handle_events(Run { ctx, run, values }, &mut timeline)?;

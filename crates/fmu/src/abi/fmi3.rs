@@ -309,7 +309,7 @@ pub unsafe fn get_interval_decimal<E: Export>(
                 let (seconds, found) = instance.interval(reference)?;
                 (*interval, *qualifier) = (seconds, found as c_int);
             }
-            Ok(())
+            instance.intervals_are_known(call.0, references)
         })
     }
 }
@@ -333,7 +333,7 @@ pub unsafe fn get_interval_fraction<E: Export>(
                 let (fraction, found) = instance.interval_fraction(reference)?;
                 ((counters[i], resolutions[i]), qualifiers[i]) = (fraction, found as c_int);
             }
-            Ok(())
+            instance.intervals_are_known(call.0, references)
         })
     }
 }

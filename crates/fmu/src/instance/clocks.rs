@@ -40,9 +40,9 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    fn schedule(&mut self, clock: usize) -> CallResult<Schedule> {
+    fn schedule(&mut self, clock: usize) -> CallResult<&mut Schedule> {
         self.derive()?;
-        Ok(M::schedules(self.context().run)[clock])
+        Ok(&mut M::schedules(self.context().run)[clock])
     }
 
     /// fmi3SetClock. Fails, without activating a clock, if a reference is not an input clock, or if a time-based clock
@@ -53,7 +53,7 @@ impl<M: Model> Instance<M> {
         let time = self.timeline.time;
         for (&reference, is_active) in references.iter().zip(values.clone()) {
             let (position, clock) = self.input_clock(function, reference)?;
-            let schedule = self.schedule(position)?;
+            let schedule = *self.schedule(position)?;
             if !is_active || clock.timing == Timing::Triggered || schedule.is_due(time) {
                 continue;
             }
@@ -92,14 +92,24 @@ impl<M: Model> Instance<M> {
                 self.error(function, format_args!("'{}' is a triggered clock, which has no interval", clock.name))
             );
         }
-        let schedule = self.schedule(position)?;
+        let schedule = *self.schedule(position)?;
         let is_countdown = matches!(clock.timing, Timing::Countdown(_));
         let qualifier = match schedule.is_new {
             _ if is_countdown && schedule.next.is_infinite() => Qualifier::NotYetKnown,
             true => Qualifier::Changed,
             false => Qualifier::Unchanged,
         };
-        Ok((if qualifier == Qualifier::NotYetKnown { 0.0 } else { schedule.interval }, qualifier))
+        let interval = schedule.interval_at(clock.timing, self.timeline.time);
+        Ok((if qualifier == Qualifier::NotYetKnown { 0.0 } else { interval }, qualifier))
+    }
+
+    /// Notes that the importer knows the intervals of these clocks. Fails like [`Self::interval`].
+    pub fn intervals_are_known(&mut self, function: Function, references: &[u32]) -> CallResult {
+        for &reference in references {
+            let (position, _) = self.input_clock(function, reference)?;
+            self.schedule(position)?.is_new = false;
+        }
+        Ok(())
     }
 
     /// fmi3GetIntervalFraction: counter and resolution. Fails like [`Self::interval`], or if the clock has no fraction.

@@ -52,38 +52,38 @@ impl<M: Clocked> ClockedRun<M> {
 }
 
 impl<M: Clocked> ClockedModel<M> {
-    /// Runs the methods of the active clocks, in their order, at an event at `time`.
+    /// Runs the methods of the active clocks, in their order, at an event at `time`. `active` has a bit for each clock.
     fn tick(
         ctx: &Context<'_, Self>,
         part: &mut Part<M>,
         values: &mut ValueStore,
         time: f64,
-        is_active: impl Fn(&Schedule, usize) -> bool,
+        active: u64,
     ) -> Result<(), String> {
         let Context { p, derived, layout, .. } = *ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let mut outputs = M::Outputs::read(values.view(), layout.outputs.at);
-        for clock in 0..M::CLOCKS.len() {
-            if !is_active(&part.schedules.as_ref()[clock], clock) {
-                continue;
-            }
-            let (time, interval) = clocks::advance::<M>(part.schedules.as_mut(), clock, time);
-            p.check(&Sample { time, state: &mut part.state, inputs, derived })?;
+        // First, so that a clock that is started at this event ticks at another one.
+        clocks::advance::<M>(part.schedules.as_mut(), active, time);
+        for clock in (0..M::CLOCKS.len()).filter(|clock| active >> clock & 1 != 0) {
+            let (due, interval) = part.schedules.as_ref()[clock].present;
+            p.check(&Sample { time: due, state: &mut part.state, inputs, derived })?;
             let (schedules, mut fault) = (part.schedules.as_mut(), None);
             let tick = Tick {
-                time,
+                time: due,
                 interval,
                 state: &mut part.state,
                 inputs,
                 outputs: &mut outputs,
                 derived,
                 schedules,
+                clock,
+                event: time,
                 fault: &mut fault,
             };
             p.tick(clock, tick);
-            if let Some((started, after)) = fault {
-                let name = M::CLOCKS[started].name;
-                return Err(format!("the clock '{name}' cannot tick in {after} s, as the model requests at {time} s"));
+            if let Some(fault) = fault {
+                return Err(fault);
             }
         }
         outputs.write(&mut values.view_mut(), layout.outputs.at);
@@ -94,6 +94,12 @@ impl<M: Clocked> ClockedModel<M> {
     /// Deactivates all output clocks.
     fn clear(layout: &Layout, values: &mut ValueStore) {
         layout.output_clocks.iter().for_each(|&index| values.booleans[index] = false);
+    }
+
+    /// Deactivates all clocks.
+    fn deactivate(layout: &Layout, values: &mut ValueStore) {
+        values.booleans[layout.clocks.booleans()].fill(false);
+        Self::clear(layout, values);
     }
 
     /// Time of the next tick in s; infinite if none is known.
@@ -120,7 +126,9 @@ impl<M: Clocked> ClockedModel<M> {
                     "a clock ticks too often: more than {MOST_AT_ONCE} times at {next} s, or {MOST_PARTS} times in a step"
                 ));
             }
-            Self::tick(&ctx, &mut part, values, next, |schedule, _| schedule.is_due(next))?;
+            let due = part.schedules.as_ref().iter().enumerate().filter(|(_, schedule)| schedule.is_due(next));
+            let active = due.fold(0_u64, |all, (clock, _)| all | 1 << clock);
+            Self::tick(&ctx, &mut part, values, next, active)?;
         }
     }
 }
@@ -170,7 +178,8 @@ impl<M: Clocked> Model for ClockedModel<M> {
         {
             return Some(error);
         }
-        let is_missed = |schedule: &Schedule| schedule.next < end - slack(step.min(schedule.interval), end);
+        let is_missed =
+            |schedule: &Schedule| schedule.next < end - slack(step.min(schedule.interval), end) - schedule.deviation;
         let (clock, schedule) =
             M::CLOCKS.iter().zip(run.part.schedules.as_ref()).find(|(_, schedule)| is_missed(schedule))?;
         Some(format!(
@@ -193,8 +202,8 @@ impl<M: Clocked> Model for ClockedModel<M> {
 
     fn outputs(_: Context<'_, Self>, _: &ClockedRun<M>, _: &mut ValueStore) {}
 
-    fn schedules(run: &ClockedRun<M>) -> &[Schedule] {
-        run.part.schedules.as_ref()
+    fn schedules(run: &mut ClockedRun<M>) -> &mut [Schedule] {
+        run.part.schedules.as_mut()
     }
 
     fn evaluate_clocks(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
@@ -206,8 +215,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
         let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
         Self::clear(ctx.layout, values);
         let mut part = run.part.clone();
-        part.schedules.as_mut().iter_mut().for_each(|schedule| schedule.is_new = false);
-        Self::tick(&ctx, &mut part, values, ctx.time, |_, clock| active >> clock & 1 != 0)
+        Self::tick(&ctx, &mut part, values, ctx.time, active)
             .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
         run.evaluated = Some((part, before));
         Ok(())
@@ -225,13 +233,12 @@ impl<M: Clocked> Model for ClockedModel<M> {
 
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         Self::evaluate_clocks(Run { ctx, run, values })?;
-        match run.evaluated.take() {
-            Some((part, _)) => run.part = part,
-            None => run.part.schedules.as_mut().iter_mut().for_each(|schedule| schedule.is_new = false),
+        let part = run.evaluated.as_mut().map_or(&mut run.part, |(part, _)| part);
+        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
+        if let Some((part, _)) = run.evaluated.take() {
+            run.part = part;
         }
-        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
-        values.booleans[ctx.layout.clocks.booleans()].fill(false);
-        Self::clear(ctx.layout, values);
+        Self::deactivate(ctx.layout, values);
         Ok(Update { states_changed: false, next_event_time: None })
     }
 

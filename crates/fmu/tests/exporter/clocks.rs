@@ -137,7 +137,10 @@ impl Clocked {
     }
 
     fn interval(&mut self, name: &str) -> (f64, Qualifier) {
-        self.0.interval(reference::<Watch3>(name)).unwrap()
+        let reference = reference::<Watch3>(name);
+        let answer = self.0.interval(reference).unwrap();
+        self.0.intervals_are_known(fmu::testing::calls::Function::GetIntervalDecimal, &[reference]).unwrap();
+        answer
     }
 
     fn integer(&mut self, name: &str) -> i32 {
@@ -486,4 +489,49 @@ fn events_do_not_allocate() {
     let mut inside = Clocked::starting(0.0, &[("reference", 1.0)]);
     let count = allocations(|| (0..100).for_each(|step| inside.0.do_step(0.05 * f64::from(step), 0.05).unwrap()));
     assert_eq!(count, 0);
+}
+
+/// Two clocks at the same time: the first restarts the second, which is due as well. It ticks now and, restarted,
+/// again.
+#[test]
+fn a_clock_that_is_restarted_when_it_is_due_ticks_twice() {
+    let inputs = [("delay", 0.1)];
+    let mut inside = Clocked::starting(0.0, &inputs);
+    let mut alarms = Vec::new();
+    for _ in 0..4 {
+        inside.step(0.1).unwrap();
+        alarms.push((inside.get("alarm_time"), inside.integer("ticks")));
+    }
+    // The alarm that `control` starts at each tick is due at the next tick of `control`.
+    assert_eq!(alarms, [(0.0, 1), (0.1, 2), (0.2, 3), (0.1 + 0.2, 4)]);
+    let mut master = Clocked::in_event_mode(&inputs);
+    let mut seen = Vec::new();
+    simulate(&mut master, 0.3, |_, active, fmu| {
+        if active.contains(&"control") {
+            seen.push((fmu.get("alarm_time"), fmu.integer("ticks")));
+        }
+    });
+    assert_eq!(seen, alarms);
+}
+
+/// An interval that was tuned in Step Mode is reported in the next event; a tick that would be in the past is due at
+/// once.
+#[test]
+fn intervals_can_be_tuned_between_events() {
+    let mut fmu = Clocked::in_event_mode(&[]);
+    fmu.interval("slow");
+    fmu.activate("control", true).unwrap();
+    fmu.0.new_discrete_states().unwrap();
+    fmu.0.enter_step_mode().unwrap();
+    fmu.set("slow_time", 0.125).unwrap();
+    fmu.step(0.1).unwrap();
+    fmu.0.enter_event_mode().unwrap();
+    fmu.0.new_discrete_states().unwrap();
+    assert_eq!(fmu.interval("slow"), (0.125, Qualifier::Changed));
+    assert_eq!(fmu.interval("slow"), (0.125, Qualifier::Unchanged));
+    // A failed update changes nothing and can be repeated.
+    fmu.activate("control", true).unwrap();
+    let ticks = fmu.integer("ticks");
+    fmu.0.new_discrete_states().unwrap();
+    assert_eq!((ticks, fmu.integer("ticks")), (2, 2));
 }
