@@ -633,6 +633,13 @@ impl Discrete for Watch {
         }
     }
 
+    // The slow part ticks at 0.5 s. Its next tick would be in the past, so it is due now, then at 0.65, 0.7 and 0.75 s.
+    let mut instance = start();
+    instance.do_step(0.0, 0.6).unwrap();
+    instance.set_real(&of("slow_time"), &[0.05]).unwrap();
+    instance.do_step(0.6, 0.2).unwrap();
+    assert_eq!(outputs(&mut instance).1, 5);
+
     // An input that belongs to a clock is set at its next tick. A saved state contains the times of the ticks.
     let finish = |instance: &mut Instance| {
         instance.set_real(&of("reference"), &[-1.0]).unwrap();

@@ -433,6 +433,8 @@ pub struct Clock {
     pub interval: Option<f64>,
     /// Time of the first tick of a periodic clock after the start in s.
     pub shift: f64,
+    /// Value references of the clocks on which it depends (attribute `clocks`).
+    pub clocks: Vec<Reference>,
     /// Description.
     pub description: Option<String>,
 }

@@ -2,8 +2,8 @@
 
 use crate::c_api::Reference;
 use crate::description::{
-    ArrayElement, BaseType, Causality, DataType, FmiVersion, Interface, IntervalVariability, ModelDescription, Value,
-    Variable,
+    ArrayElement, BaseType, Causality, Clock, DataType, FmiVersion, Interface, IntervalVariability, ModelDescription,
+    Value, Variable,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -23,6 +23,10 @@ pub(crate) struct Signature {
     pub(crate) event_indicators: usize,
     /// Input clocks in co-simulation.
     pub(crate) clocks: Vec<InputClock>,
+    /// Output clocks in co-simulation, with the clocks on which they depend.
+    pub(crate) output_clocks: Vec<(Reference, Vec<Reference>)>,
+    /// True if the FMU has clocks in co-simulation.
+    pub(crate) has_clocks: bool,
     pub(crate) clocked: Vec<Clocked>,
 }
 
@@ -102,6 +106,10 @@ impl Signature {
                 clocks.push(InputClock { reference, kind, interval: clock.interval, shift: clock.shift });
             }
         }
+        let is_output = |clock: &&Clock| clock.causality == Causality::Output && is_co_simulation;
+        let output_clocks = description.clocks.iter().filter(is_output);
+        let mut output_clocks: Vec<_> = output_clocks.map(|clock| (clock.reference, clock.clocks.clone())).collect();
+        output_clocks.dedup();
         let is_clocked = |variable: &&Variable| !variable.clocks.is_empty() && variable.alias_of.is_none();
         let clocked = description.variables.iter().filter(|_| is_co_simulation).filter(is_clocked);
         let clocked = clocked.map(|variable| Clocked {
@@ -113,6 +121,8 @@ impl Signature {
         });
         Self {
             clocks,
+            output_clocks,
+            has_clocks: is_co_simulation && !description.clocks.is_empty(),
             clocked: clocked.collect(),
             fmi: description.fmi,
             interface,

@@ -63,6 +63,8 @@ pub type UpdateDiscreteStates =
     call!(*mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut RawBoolean, *mut f64);
 /// `fmi3SetClock`: references, their number, true for clocks to activate.
 pub type SetClock = call!(*const Reference, usize, *const bool);
+/// `fmi3GetClock`: references, their number, whether they are active.
+pub type GetClock = call!(*const Reference, usize, *mut RawBoolean);
 /// `fmi3GetIntervalDecimal`: references, their number, intervals in s, qualifiers.
 pub type GetInterval = call!(*const Reference, usize, *mut f64, *mut c_int);
 /// `fmi3GetShiftDecimal`: references, their number, times in s.

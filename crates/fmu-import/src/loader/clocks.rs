@@ -12,8 +12,9 @@ use crate::c_api::v3::RawBoolean;
 use crate::description::{IntervalVariability as Kind, Value};
 use crate::signature::{InputClock, Signature};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::ffi::c_int;
+use std::sync::Arc;
 
 /// Two times are the same instant if they differ by at most this fraction of the step, or four units in the last place.
 const SLACK: f64 = 1e-6;
@@ -27,6 +28,8 @@ const CHANGED: c_int = 2;
 const MARK: &[u8; 8] = b"\0clocks\n";
 
 const ENDLESS: CallProblem = CallProblem::Arguments("more than 100 event iterations at one time");
+const BROKEN: CallProblem =
+    CallProblem::Arguments("an event has failed before; restore a saved state, or reset the instance");
 const WRONG_NUMBER: CallProblem = CallProblem::Arguments("the number of values must equal the number of elements");
 const WRONG_TYPE: CallProblem = CallProblem::Arguments("the variable has another type");
 const WRONG_INTERVAL: CallProblem = CallProblem::Arguments(
@@ -40,9 +43,34 @@ pub(super) struct Clocks {
     /// True between events, when clocked variables cannot be accessed.
     is_held: bool,
     /// The values of clocked variables.
-    held: HashMap<Reference, Vec<Value>>,
+    held: BTreeMap<Reference, Vec<Held>>,
     /// Clocked inputs that were set since the last tick of their clocks.
     pending: Vec<Reference>,
+    /// Time of the next time event in s, if the FMU has announced one.
+    next_event: Option<f64>,
+    /// True after an event that failed.
+    is_broken: bool,
+}
+
+/// A value that is kept between two ticks.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+enum Held {
+    /// The bits of a Real, because JSON has neither infinity nor NaN.
+    Real(u64),
+    Other(Value),
+}
+
+impl Held {
+    fn of(value: Value) -> Self {
+        if let Value::Real(number) = value { Self::Real(number.to_bits()) } else { Self::Other(value) }
+    }
+
+    fn value(&self) -> Value {
+        match self {
+            Self::Real(bits) => Value::Real(f64::from_bits(*bits)),
+            Self::Other(value) => value.clone(),
+        }
+    }
 }
 
 /// The times at which a clock ticks.
@@ -60,6 +88,24 @@ struct Ticks {
 impl Ticks {
     fn is_periodic(&self) -> bool {
         matches!(self.clock.kind, Kind::Constant | Kind::Fixed | Kind::Tunable)
+    }
+
+    fn is_due(&self, time: f64, step: f64) -> bool {
+        let part = if self.interval > 0.0 { step.min(self.interval) } else { step };
+        self.next.is_some_and(|next| next <= time + slack(time, part))
+    }
+
+    /// Sets a new interval, which counts from `time` for an aperiodic clock, from the last tick for a periodic one.
+    fn set_interval(&mut self, interval: f64, time: f64) {
+        if !self.is_periodic() {
+            self.next = Some(time + interval);
+        } else if self.count > 0 {
+            // A tick that would be in the past is due now, and the next one follows after the new interval.
+            let last = self.base + (self.count - 1) as f64 * self.interval;
+            (self.base, self.count) = (last.max(time - interval), 1);
+            self.next = Some((self.base + interval).max(time));
+        }
+        self.interval = interval;
     }
 
     /// Moves on after a tick.
@@ -82,9 +128,10 @@ impl Clocks {
             interval: clock.interval.unwrap_or(0.0),
             next: None,
         };
-        (!signature.clocks.is_empty()).then(|| {
+        signature.has_clocks.then(|| {
             let inputs = signature.clocks.iter().map(ticks).collect();
-            Box::new(Self { inputs, is_held: false, held: HashMap::new(), pending: Vec::new() })
+            let (held, pending) = (BTreeMap::new(), Vec::new());
+            Box::new(Self { inputs, is_held: false, held, pending, next_event: None, is_broken: false })
         })
     }
 
@@ -96,21 +143,36 @@ impl Clocks {
         bytes.extend(MARK);
     }
 
-    /// Separates the bytes of the FMU from the clocks.
-    pub(super) fn split(bytes: &[u8]) -> Option<(&[u8], Box<Self>)> {
+    /// Separates the bytes of the FMU from the clocks. `None` if they are not those of this FMU.
+    pub(super) fn split<'b>(bytes: &'b [u8], signature: &Signature) -> Option<(&'b [u8], Box<Self>)> {
         let bytes = bytes.strip_suffix(MARK)?;
         let (bytes, length) = bytes.split_last_chunk()?;
         let at = bytes.len().checked_sub(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
-        Some((&bytes[..at], serde_json::from_slice(&bytes[at..]).ok()?))
+        let clocks: Box<Self> = serde_json::from_slice(&bytes[at..]).ok()?;
+        let is_whole =
+            !clocks.is_held || signature.clocked.iter().all(|variable| clocks.held.contains_key(&variable.reference));
+        let has_inputs = clocks.inputs.iter().map(|ticks| &ticks.clock).eq(&signature.clocks);
+        (is_whole && has_inputs).then_some((&bytes[..at], clocks))
     }
 
+    /// Time of the next tick or time event in s.
     fn next(&self) -> Option<f64> {
-        self.inputs.iter().filter_map(|ticks| ticks.next).reduce(f64::min)
+        self.inputs.iter().filter_map(|ticks| ticks.next).chain(self.next_event).reduce(f64::min)
+    }
+
+    fn is_due(&self, time: f64, step: f64) -> bool {
+        let is_event_due = self.next_event.is_some_and(|next| next <= time + slack(time, step));
+        is_event_due || self.inputs.iter().any(|ticks| ticks.is_due(time, step))
+    }
+
+    /// Returns true if the FMU must be asked for intervals, because parameters may have changed.
+    fn has_tunable(&self) -> bool {
+        self.inputs.iter().any(|ticks| ticks.clock.kind == Kind::Tunable && ticks.clock.interval.is_none())
     }
 }
 
-fn slack(time: f64, step: f64) -> f64 {
-    SLACK * step.min(1.0) + ROUNDINGS * (time.abs().next_up() - time.abs())
+fn slack(time: f64, part: f64) -> f64 {
+    SLACK * part.min(1.0) + ROUNDINGS * (time.abs().next_up() - time.abs())
 }
 
 impl Instance {
@@ -137,7 +199,7 @@ impl Instance {
                 continue;
             };
             for (own, value) in own.iter_mut().zip(held) {
-                let Some(value) = of(value) else { return Err(self.failure(Function::GetReal, WRONG_TYPE)) };
+                let Some(value) = of(&value.value()) else { return Err(self.failure(Function::GetReal, WRONG_TYPE)) };
                 *own = value;
             }
         }
@@ -159,10 +221,13 @@ impl Instance {
             rest = others;
             match &mut self.clocks {
                 Some(clocks) if clocks.held.contains_key(reference) => {
-                    let Some(values) = own.iter().map(&to).collect::<Option<Vec<_>>>() else {
+                    let values: Vec<Value> = own.iter().filter_map(&to).collect();
+                    let old = &clocks.held[reference];
+                    let is_same = |(new, old): (&Value, &Held)| new.base_type() == old.value().base_type();
+                    if values.len() != old.len() || !values.iter().zip(old).all(is_same) {
                         return Err(self.failure(Function::SetReal, WRONG_TYPE));
-                    };
-                    clocks.held.insert(*reference, values);
+                    }
+                    clocks.held.insert(*reference, values.into_iter().map(Held::of).collect());
                     if !clocks.pending.contains(reference) {
                         clocks.pending.push(*reference);
                     }
@@ -179,11 +244,11 @@ impl Instance {
 
     /// In Initialization Mode: asks for intervals and shifts, and reads the clocked variables.
     pub(super) fn start_clocks(&mut self, start: f64) -> Result<(), CallError> {
-        let library = std::sync::Arc::clone(self.library());
-        let mut held = HashMap::new();
+        let library = Arc::clone(self.library());
+        let mut held = BTreeMap::new();
         for variable in &library.signature.clocked {
             let values = self.values_of(variable.reference, variable.base_type, variable.size)?;
-            held.insert(variable.reference, values);
+            held.insert(variable.reference, values.into_iter().map(Held::of).collect());
         }
         let Some(mut clocks) = self.clocks.take() else { return Ok(()) };
         let started = self.start_ticks(&mut clocks, start);
@@ -209,16 +274,19 @@ impl Instance {
                 ticks.next = Some(ticks.base);
             } else if ticks.clock.kind != Kind::Triggered {
                 let (interval, qualifier) = self.interval(reference)?;
-                ticks.next = self.known(interval, qualifier)?.map(|interval| start + interval);
+                if let Some(interval) = self.known(interval, qualifier, false)? {
+                    ticks.set_interval(interval, start);
+                }
             }
         }
         Ok(())
     }
 
     /// A new interval in s; `None` if it is not known or unchanged.
-    fn known(&mut self, interval: f64, qualifier: c_int) -> Result<Option<f64>, CallError> {
+    fn known(&mut self, interval: f64, qualifier: c_int, is_periodic: bool) -> Result<Option<f64>, CallError> {
+        let is_valid = interval.is_finite() && (interval > 0.0 || (interval == 0.0 && !is_periodic));
         match qualifier {
-            CHANGED if interval >= 0.0 && interval.is_finite() => Ok(Some(interval)),
+            CHANGED if is_valid => Ok(Some(interval)),
             CHANGED => Err(self.failure(Function::GetIntervalDecimal, WRONG_INTERVAL)),
             _ => Ok(None),
         }
@@ -242,14 +310,9 @@ impl Instance {
         Ok(shift)
     }
 
-    /// After the initialization, in Event Mode.
+    /// After the initialization, in Event Mode. Clocks that are due at the start tick in the first step.
     pub(super) fn enter_first_step_mode(&mut self) -> Result<(), CallError> {
-        for _ in 0..MOST_ITERATIONS {
-            if !self.update_event()? {
-                return self.enter_step_mode();
-            }
-        }
-        Err(self.failure(Function::NewDiscreteStates, ENDLESS))
+        self.end_event(self.experiment().0, 1.0, false)
     }
 
     fn enter_step_mode(&mut self) -> Result<(), CallError> {
@@ -261,8 +324,9 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi3UpdateDiscreteStates`. Returns true if another iteration is needed.
-    fn update_event(&mut self) -> Result<bool, CallError> {
+    /// `fmi3UpdateDiscreteStates`. Returns true if another iteration is needed, and the time of the next time event in
+    /// s.
+    fn update_event(&mut self) -> Result<(bool, Option<f64>), CallError> {
         let mut flags: [RawBoolean; 5] = [0; 5];
         let [again, terminate, nominals, states, next_defined] = &mut flags;
         let mut next = 0.0;
@@ -271,22 +335,26 @@ impl Instance {
             Some(f.update_event?(c, again, terminate, nominals, states, next_defined, &raw mut next))
         })?;
         match flags {
-            [_, 0, ..] => Ok(flags[0] != 0),
+            [again, 0, _, _, is_defined] => Ok((again != 0, Some(next).filter(|_| is_defined != 0))),
             _ => Err(self.failure(Function::NewDiscreteStates, CallProblem::Terminated)),
         }
     }
 
     /// `fmi3DoStep` from tick to tick.
     pub(super) fn step_with_clocks(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+        if self.clocks.as_ref().is_some_and(|clocks| clocks.is_broken) {
+            return Err(self.failure(Function::DoStep, BROKEN));
+        }
         let end = time + step;
         let mut now = time;
+        let mut asks = self.clocks.as_ref().is_some_and(|clocks| clocks.has_tunable());
         loop {
-            let next = self.clocks.as_ref().and_then(|clocks| clocks.next());
-            if next.is_some_and(|next| next <= now + slack(now, step)) {
+            if asks || self.clocks.as_ref().is_some_and(|clocks| clocks.is_due(now, step)) {
                 self.event(now, step)?;
             }
+            asks = false;
             let next = self.clocks.as_ref().and_then(|clocks| clocks.next());
-            let until = next.filter(|next| *next < end - slack(end, step)).unwrap_or(end);
+            let until = next.filter(|next| *next > now && *next < end - slack(end, step)).unwrap_or(end);
             self.step(now, until - now)?;
             now = until;
             if self.step_end.event != 0 {
@@ -298,77 +366,91 @@ impl Instance {
         }
     }
 
-    /// An event: all clocks that are due tick, until no clock is due and the FMU needs no further iteration.
     fn event(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_v3(Function::EnterEventMode, |f, c| unsafe { Some(f.begin_event?(c)) })?;
+        self.end_event(time, step, true)
+    }
+
+    /// Handles an event and enters Step Mode.
+    fn end_event(&mut self, time: f64, step: f64, has_ticks: bool) -> Result<(), CallError> {
         let Some(mut clocks) = self.clocks.take() else { return Ok(()) };
         // Without clocks, the variables are accessed directly.
-        let result = self.iterate(&mut clocks, time, step);
+        let result = self.iterate(&mut clocks, time, step, has_ticks);
+        clocks.is_broken = result.is_err();
         self.clocks = Some(clocks);
         result?;
         self.enter_step_mode()
     }
 
-    fn iterate(&mut self, clocks: &mut Clocks, time: f64, step: f64) -> Result<(), CallError> {
-        let library = std::sync::Arc::clone(self.library());
-        let is_due = |ticks: &Ticks| ticks.next.is_some_and(|next| next <= time + slack(time, step));
+    /// All clocks that are due tick, until none is due and the FMU needs no further iteration.
+    fn iterate(&mut self, clocks: &mut Clocks, time: f64, step: f64, has_ticks: bool) -> Result<(), CallError> {
         for _ in 0..MOST_ITERATIONS {
-            let due: Vec<Reference> =
-                clocks.inputs.iter().filter(|ticks| is_due(ticks)).map(|ticks| ticks.clock.reference).collect();
-            let is_active = |clocks: &[Reference]| clocks.iter().any(|clock| due.contains(clock));
-            if !due.is_empty() {
-                let active = vec![true; due.len()];
-                // SAFETY: live instance; both arrays have the stated length.
-                self.call_v3(Function::SetClock, |f, c| unsafe {
-                    Some(f.set_clock?(c, due.as_ptr(), due.len(), active.as_ptr()))
-                })?;
-                let accessible = || library.signature.clocked.iter().filter(|variable| is_active(&variable.clocks));
-                for variable in accessible().filter(|variable| variable.is_input) {
-                    if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
-                        clocks.pending.swap_remove(at);
-                        let values = &clocks.held[&variable.reference];
-                        self.set_values_of(variable.reference, variable.base_type, values)?;
-                    }
-                }
-                for variable in accessible().filter(|variable| !variable.is_input) {
-                    let values = self.values_of(variable.reference, variable.base_type, variable.size)?;
-                    clocks.held.insert(variable.reference, values);
-                }
-            }
-            let is_needed_again = self.update_event()?;
+            let due = clocks.inputs.iter().filter(|ticks| has_ticks && ticks.is_due(time, step));
+            let due: Vec<Reference> = due.map(|ticks| ticks.clock.reference).collect();
+            self.activate(clocks, &due)?;
+            let (is_needed_again, next_event) = self.update_event()?;
+            clocks.next_event = next_event;
             for ticks in &mut clocks.inputs {
                 let has_ticked = due.contains(&ticks.clock.reference);
                 if has_ticked {
                     ticks.advance();
                 }
-                match ticks.clock.kind {
-                    Kind::Countdown => {}
-                    Kind::Changing if has_ticked => {}
-                    Kind::Tunable if ticks.clock.interval.is_none() => {
-                        let (interval, qualifier) = self.interval(ticks.clock.reference)?;
-                        if let Some(interval) = self.known(interval, qualifier)?.filter(|one| *one != ticks.interval) {
-                            // The next tick is one new interval after the last one.
-                            let last = ticks.base + ticks.count.saturating_sub(1) as f64 * ticks.interval;
-                            if ticks.count > 0 {
-                                (ticks.base, ticks.count) = (last, 1);
-                                ticks.next = Some((last + interval).max(time));
-                            }
-                            ticks.interval = interval;
-                        }
-                        continue;
+                let is_asked = match ticks.clock.kind {
+                    Kind::Countdown => true,
+                    Kind::Changing => has_ticked,
+                    Kind::Tunable => ticks.clock.interval.is_none(),
+                    _ => false,
+                };
+                if is_asked {
+                    let (interval, qualifier) = self.interval(ticks.clock.reference)?;
+                    if let Some(interval) = self.known(interval, qualifier, ticks.is_periodic())? {
+                        ticks.set_interval(interval, time);
                     }
-                    _ => continue,
-                }
-                let (interval, qualifier) = self.interval(ticks.clock.reference)?;
-                if let Some(interval) = self.known(interval, qualifier)? {
-                    ticks.next = Some(time + interval);
                 }
             }
-            if !is_needed_again && !clocks.inputs.iter().any(is_due) {
+            let is_due = has_ticks && clocks.inputs.iter().any(|ticks| ticks.is_due(time, step));
+            if !is_needed_again && !is_due {
                 return Ok(());
             }
         }
         Err(self.failure(Function::NewDiscreteStates, ENDLESS))
+    }
+
+    /// Activates input clocks, sets their inputs and reads their outputs, and those of the output clocks that tick.
+    fn activate(&mut self, clocks: &mut Clocks, due: &[Reference]) -> Result<(), CallError> {
+        let library = Arc::clone(self.library());
+        let signature = &library.signature;
+        let mut active = due.to_vec();
+        let depends = |on: &[Reference], active: &[Reference]| on.iter().any(|clock| active.contains(clock));
+        if !due.is_empty() {
+            let values = vec![true; due.len()];
+            // SAFETY: live instance; both arrays have the stated length.
+            self.call_v3(Function::SetClock, |f, c| unsafe {
+                Some(f.set_clock?(c, due.as_ptr(), due.len(), values.as_ptr()))
+            })?;
+            for variable in signature.clocked.iter().filter(|one| one.is_input && depends(&one.clocks, due)) {
+                if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
+                    let values: Vec<Value> = clocks.held[&variable.reference].iter().map(Held::value).collect();
+                    self.set_values_of(variable.reference, variable.base_type, &values)?;
+                    clocks.pending.swap_remove(at);
+                }
+            }
+        }
+        for (clock, on) in &signature.output_clocks {
+            if on.is_empty() || depends(on, &active) {
+                let mut ticks: RawBoolean = 0;
+                // SAFETY: live instance; one clock, and its state is written through a valid pointer.
+                self.call_v3(Function::GetClock, |f, c| unsafe {
+                    Some(f.get_clock?(c, &raw const *clock, 1, &raw mut ticks))
+                })?;
+                active.extend((ticks != 0).then_some(*clock));
+            }
+        }
+        for variable in signature.clocked.iter().filter(|one| !one.is_input && depends(&one.clocks, &active)) {
+            let values = self.values_of(variable.reference, variable.base_type, variable.size)?;
+            clocks.held.insert(variable.reference, values.into_iter().map(Held::of).collect());
+        }
+        Ok(())
     }
 }

@@ -189,6 +189,11 @@ impl Instance {
         self.library.functions.fmi()
     }
 
+    /// Start and stop time in s.
+    pub(super) fn experiment(&self) -> (f64, Option<f64>) {
+        self.experiment
+    }
+
     pub(super) fn library(&self) -> &Arc<Library> {
         &self.library
     }

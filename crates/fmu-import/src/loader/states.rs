@@ -8,7 +8,7 @@ use super::instance::Instance;
 use crate::c_api;
 use std::ptr;
 
-const NO_CLOCKS: CallProblem = CallProblem::Arguments("the bytes do not contain the clocks of the FMU");
+const NO_CLOCKS: CallProblem = CallProblem::Arguments("the bytes do not contain the clocks of this FMU");
 
 /// A state saved with [`Instance::save_state`]; valid only for the instance that saved it.
 #[derive(Debug)]
@@ -124,7 +124,10 @@ impl Instance {
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         const NAME: Function = Function::DeserializeFmuState;
         let clocks = match &self.clocks {
-            Some(_) => Some(Clocks::split(bytes).ok_or_else(|| self.failure(NAME, NO_CLOCKS))?),
+            Some(_) => match Clocks::split(bytes, self.signature()) {
+                Some(parts) => Some(parts),
+                None => return Err(self.failure(NAME, NO_CLOCKS)),
+            },
             None => None,
         };
         let (bytes, clocks) = clocks.map_or((bytes, None), |(bytes, clocks)| (bytes, Some(clocks)));

@@ -65,6 +65,7 @@ impl<'a> VariableReader<'a> {
                         .unwrap_or(IntervalVariability::Triggered),
                     interval: element.real("intervalDecimal")?,
                     shift: element.real("shiftDecimal")?.unwrap_or(0.0),
+                    clocks: clocks(element)?,
                     description,
                 });
             }

@@ -6,9 +6,8 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 14] = [
+pub(super) const UNUSED: [&str; 13] = [
     "fmi3InstantiateScheduledExecution",
-    "fmi3GetClock",
     "fmi3GetNumberOfVariableDependencies",
     "fmi3GetVariableDependencies",
     "fmi3EnterConfigurationMode",
@@ -78,6 +77,7 @@ table! {
         begin_event: c_api::Transition = "fmi3EnterEventMode",
         update_event: v3::UpdateDiscreteStates = "fmi3UpdateDiscreteStates",
         end_event: c_api::Transition = "fmi3EnterStepMode",
+        get_clock: v3::GetClock = "fmi3GetClock",
         set_clock: v3::SetClock = "fmi3SetClock",
         get_interval: v3::GetInterval = "fmi3GetIntervalDecimal",
         get_shift: v3::GetShift = "fmi3GetShiftDecimal",
