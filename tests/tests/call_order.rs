@@ -470,6 +470,8 @@ fn every_function_in_every_state_of_fmi_2() {
 #[test]
 fn every_function_in_every_state_of_fmi_3() {
     let mut fmus = all_of_fmi3();
+    // A step past the tick of a clock is an error; crates/fmu tests the functions of clocks in each mode.
+    fmus.retain(|fmu| fmu.description.clocks.is_empty());
     // The test compares serialized states; DcMotorDrive cannot serialize its state.
     // LookupTable does not start without its resources.
     fmus.retain(|fmu| fmu.name != "LookupTable");
