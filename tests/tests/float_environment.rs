@@ -39,7 +39,9 @@ fn run(fmu: &Fmu, environment: FloatEnvironment) -> Vec<u64> {
 
 #[test]
 fn results_do_not_depend_on_the_environment_of_the_host() {
-    for fmu in all().into_iter().chain(all_of_fmi3()) {
+    // The importer computes the times of ticks inside its own functions, which would trap.
+    let without_clocks = |fmu: &Fmu| fmu.description.clocks.is_empty();
+    for fmu in all().into_iter().chain(all_of_fmi3()).filter(without_clocks) {
         let expected = run(&fmu, FloatEnvironment::DEFAULT);
         for environment in [
             FloatEnvironment::TRAPS,
