@@ -41,7 +41,7 @@ test("every vehicle runs every maneuver that it can drive, with its controllers"
         for (const { title, definition, values, reason } of await client.metrics()) {
           assert.ok(title !== "" && (values[0] !== null || reason !== ""), `${title} has neither a value nor a reason`);
           const isYesOrNo = typeof values[0] === "boolean";
-          if (values[0] !== null) assert.equal(isYesOrNo, definition.startsWith("Whether "), title);
+          if (values[0] !== null) assert.equal(isYesOrNo, definition.startsWith("True if"), title);
           yesOrNo += Number(isYesOrNo);
         }
       });
