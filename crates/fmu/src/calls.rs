@@ -1,4 +1,5 @@
-//! The call-order rules of FMI 2.0 (sections 3.2.3 and 4.2.4) and FMI 3.0 (sections 2.3, 3.2 and 4.2), as one table.
+//! The call-order rules of FMI 2.0 (sections 3.2.3 and 4.2.4) and FMI 3.0 (sections 2.3, 3.2, 4.2 and 5.2), as one
+//! table.
 
 /// Version of the standard that an FMU follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +17,8 @@ pub enum Interface {
     CoSimulation,
     /// The importer solves the equations.
     ModelExchange,
+    /// The importer activates the parts of a model with clocks (FMI 3.0).
+    ScheduledExecution,
 }
 
 impl Interface {
@@ -24,6 +27,7 @@ impl Interface {
         match self {
             Self::CoSimulation => "co-simulation",
             Self::ModelExchange => "model exchange",
+            Self::ScheduledExecution => "scheduled execution",
         }
     }
 }
@@ -48,6 +52,7 @@ impl Interfaces {
         match interface {
             Interface::CoSimulation => self.co_simulation,
             Interface::ModelExchange => self.model_exchange,
+            Interface::ScheduledExecution => false,
         }
     }
 }
@@ -70,8 +75,10 @@ impl Protocol {
     pub const CS3: Self = Self { version: Version::Fmi3, interface: Interface::CoSimulation };
     /// FMI 3.0, model exchange.
     pub const ME3: Self = Self { version: Version::Fmi3, interface: Interface::ModelExchange };
+    /// FMI 3.0, scheduled execution.
+    pub const SE3: Self = Self { version: Version::Fmi3, interface: Interface::ScheduledExecution };
     /// All columns of the table.
-    pub const ALL: [Self; 4] = [Self::CS2, Self::ME2, Self::CS3, Self::ME3];
+    pub const ALL: [Self; 5] = [Self::CS2, Self::ME2, Self::CS3, Self::ME3, Self::SE3];
 
     /// Name in messages.
     pub fn name(&self) -> String {
@@ -109,11 +116,19 @@ pub enum Mode {
     ContinuousTime,
     /// Co-simulation: inside a step, while the importer's `intermediateUpdate` runs.
     IntermediateUpdate,
+    /// Between instantiation and initialization: structural parameters may be set.
+    Configuration,
+    /// After the initialization: tunable structural parameters may be set.
+    Reconfiguration,
+    /// Scheduled execution: the importer activates parts of the model.
+    ClockActivation,
+    /// Scheduled execution: inside an activation, while the importer's `clockUpdate` runs.
+    ClockUpdate,
 }
 
 impl Mode {
     /// All modes, ordered by their discriminants.
-    pub const ALL: [Mode; 9] = [
+    pub const ALL: [Mode; 13] = [
         Self::Instantiated,
         Self::Initialization,
         Self::Step,
@@ -123,6 +138,10 @@ impl Mode {
         Self::Event,
         Self::ContinuousTime,
         Self::IntermediateUpdate,
+        Self::Configuration,
+        Self::Reconfiguration,
+        Self::ClockActivation,
+        Self::ClockUpdate,
     ];
 
     /// Name in messages.
@@ -137,18 +156,25 @@ impl Mode {
             Self::Event => "Event Mode",
             Self::ContinuousTime => "Continuous-Time Mode",
             Self::IntermediateUpdate => "Intermediate Update Mode",
+            Self::Configuration => "Configuration Mode",
+            Self::Reconfiguration => "Reconfiguration Mode",
+            Self::ClockActivation => "Clock Activation Mode",
+            Self::ClockUpdate => "Clock Update Mode",
         }
     }
 
     /// Returns true if an instance with this protocol can be in the mode.
     pub const fn belongs_to(self, protocol: Protocol) -> bool {
+        let is_fmi3 = matches!(protocol.version, Version::Fmi3);
         match (self, protocol.interface) {
             (Self::Step | Self::StepFailed, interface) => matches!(interface, Interface::CoSimulation),
-            (Self::Event | Self::IntermediateUpdate, Interface::CoSimulation) => {
-                matches!(protocol.version, Version::Fmi3)
+            (Self::IntermediateUpdate, interface) => is_fmi3 && matches!(interface, Interface::CoSimulation),
+            (Self::Event, Interface::CoSimulation) => is_fmi3,
+            (Self::Event | Self::ContinuousTime, interface) => matches!(interface, Interface::ModelExchange),
+            (Self::ClockActivation | Self::ClockUpdate, interface) => {
+                matches!(interface, Interface::ScheduledExecution)
             }
-            (Self::IntermediateUpdate, Interface::ModelExchange) => false,
-            (Self::ContinuousTime, interface) => matches!(interface, Interface::ModelExchange),
+            (Self::Configuration | Self::Reconfiguration, _) => is_fmi3,
             _ => true,
         }
     }
@@ -167,8 +193,19 @@ const B: u16 = Mode::Broken.bit();
 const E: u16 = Mode::Event.bit();
 const C: u16 = Mode::ContinuousTime.bit();
 const M: u16 = Mode::IntermediateUpdate.bit();
+const K: u16 = Mode::Configuration.bit();
+const R: u16 = Mode::Reconfiguration.bit();
+const A: u16 = Mode::ClockActivation.bit();
+const U: u16 = Mode::ClockUpdate.bit();
 /// Not a function of this interface.
 const NO: u16 = 0;
+// Modes of FMI 3.0 in which values are read and set, in co-simulation, model exchange and scheduled execution.
+const CS_GET: u16 = I | N | S | E | M | F | T;
+const ME_GET: u16 = I | N | E | C | T;
+const SE_GET: u16 = I | N | A | T;
+const CS_SET: u16 = I | N | S | E | M | K | R;
+const ME_SET: u16 = I | N | E | K | R;
+const SE_SET: u16 = I | N | A | K | R;
 
 macro_rules! calls {
     ($($function:ident $two:literal $three:literal: $($modes:expr),*;)*) => {
@@ -189,7 +226,7 @@ macro_rules! calls {
                 )* }
             }
 
-            const fn modes(self) -> [u16; 4] {
+            const fn modes(self) -> [u16; 5] {
                 match self { $(Self::$function => [$($modes),*]),* }
             }
         }
@@ -198,88 +235,88 @@ macro_rules! calls {
 
 calls! {
     //                                                                        FMI 2.0: co-simulation, model exchange,
-    //                                                                        FMI 3.0: co-simulation, model exchange
-    SetDebugLogging "fmi2SetDebugLogging" "fmi3SetDebugLogging":              I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    SetupExperiment "fmi2SetupExperiment" "":                                 I, I, NO, NO;
-    EnterInitializationMode "fmi2EnterInitializationMode" "fmi3EnterInitializationMode": I, I, I, I;
-    ExitInitializationMode "fmi2ExitInitializationMode" "fmi3ExitInitializationMode": N, N, N, N;
-    Terminate "fmi2Terminate" "fmi3Terminate":                                S|F, E|C, S|E|F, E|C;
-    Reset "fmi2Reset" "fmi3Reset":                                            I|N|S|F|T|B, I|N|E|C|T|B, I|N|S|E|F|T|B, I|N|E|C|T|B;
-    GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetInt64 "" "fmi3GetInt64":                                               NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, I|N|S|E|M|F|T, I|N|E|C|T;
-    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, I|N|S|E|M, I|N|E|C;
-    SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, I|N|S|E|M, I|N|E;
-    SetInt64 "" "fmi3SetInt64":                                               NO, NO, I|N|S|E|M, I|N|E;
-    SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, I|N|S|E|M, I|N|E;
-    SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, I|N|S|E|M, I|N|E;
-    GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T;
-    SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    SerializedFMUstateSize "fmi2SerializedFMUstateSize" "fmi3SerializedFMUStateSize": I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    SerializeFMUstate "fmi2SerializeFMUstate" "fmi3SerializeFMUState":        I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    DeSerializeFMUstate "fmi2DeSerializeFMUstate" "fmi3DeserializeFMUState":  I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
-    GetDirectionalDerivative "fmi2GetDirectionalDerivative" "fmi3GetDirectionalDerivative": N|S|F|T, N|E|C|T, N|S|E|F|T, N|E|C|T;
-    GetAdjointDerivative "" "fmi3GetAdjointDerivative":                       NO, NO, N|S|E|F|T, N|E|C|T;
+    //                                                                        FMI 3.0: co-simulation, model exchange, scheduled execution
+    SetDebugLogging "fmi2SetDebugLogging" "fmi3SetDebugLogging":              I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    SetupExperiment "fmi2SetupExperiment" "":                                 I, I, NO, NO, NO;
+    EnterInitializationMode "fmi2EnterInitializationMode" "fmi3EnterInitializationMode": I, I, I, I, I;
+    ExitInitializationMode "fmi2ExitInitializationMode" "fmi3ExitInitializationMode": N, N, N, N, N;
+    Terminate "fmi2Terminate" "fmi3Terminate":                                S|F, E|C, S|E|F, E|C, A;
+    Reset "fmi2Reset" "fmi3Reset":                                            I|N|S|F|T|B, I|N|E|C|T|B, I|N|S|E|F|T|B|K|R, I|N|E|C|T|B|K|R, I|N|A|T|B|K|R;
+    GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
+    GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
+    GetInt64 "" "fmi3GetInt64":                                               NO, NO, CS_GET, ME_GET, SE_GET;
+    GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
+    GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
+    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, CS_SET, ME_SET|C, SE_SET;
+    SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
+    SetInt64 "" "fmi3SetInt64":                                               NO, NO, CS_SET, ME_SET, SE_SET;
+    SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
+    SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
+    GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T, I|N|A|T;
+    SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    SerializedFMUstateSize "fmi2SerializedFMUstateSize" "fmi3SerializedFMUStateSize": I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    SerializeFMUstate "fmi2SerializeFMUstate" "fmi3SerializeFMUState":        I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    DeSerializeFMUstate "fmi2DeSerializeFMUstate" "fmi3DeserializeFMUState":  I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    GetDirectionalDerivative "fmi2GetDirectionalDerivative" "fmi3GetDirectionalDerivative": N|S|F|T, N|E|C|T, N|S|E|F|T, N|E|C|T, N|A|T;
+    GetAdjointDerivative "" "fmi3GetAdjointDerivative":                       NO, NO, N|S|E|F|T, N|E|C|T, N|A|T;
     // Model exchange, and events.
-    EnterEventMode "fmi2EnterEventMode" "fmi3EnterEventMode":                 NO, C|E, S, C|E;
-    NewDiscreteStates "fmi2NewDiscreteStates" "fmi3UpdateDiscreteStates":     NO, E, E, E;
-    EvaluateDiscreteStates "" "fmi3EvaluateDiscreteStates":                   NO, NO, E, E;
-    EnterContinuousTimeMode "fmi2EnterContinuousTimeMode" "fmi3EnterContinuousTimeMode": NO, E, NO, E;
-    CompletedIntegratorStep "fmi2CompletedIntegratorStep" "fmi3CompletedIntegratorStep": NO, C, NO, C;
-    SetTime "fmi2SetTime" "fmi3SetTime":                                      NO, E|C, NO, E|C;
-    SetContinuousStates "fmi2SetContinuousStates" "fmi3SetContinuousStates":  NO, C, NO, C;
-    GetDerivatives "fmi2GetDerivatives" "fmi3GetContinuousStateDerivatives":  NO, N|E|C|T, NO, N|E|C|T;
-    GetEventIndicators "fmi2GetEventIndicators" "fmi3GetEventIndicators":     NO, N|E|C|T, NO, N|E|C|T;
-    GetContinuousStates "fmi2GetContinuousStates" "fmi3GetContinuousStates":  NO, N|E|C|T, NO, N|E|C|T;
-    GetNominalsOfContinuousStates "fmi2GetNominalsOfContinuousStates" "fmi3GetNominalsOfContinuousStates": NO, I|N|E|C|T, NO, I|N|E|C|T;
-    GetNumberOfEventIndicators "" "fmi3GetNumberOfEventIndicators":           NO, NO, NO, I|N|E|C|T;
-    GetNumberOfContinuousStates "" "fmi3GetNumberOfContinuousStates":         NO, NO, NO, I|N|E|C|T;
+    EnterEventMode "fmi2EnterEventMode" "fmi3EnterEventMode":                 NO, C|E, S, C|E, NO;
+    NewDiscreteStates "fmi2NewDiscreteStates" "fmi3UpdateDiscreteStates":     NO, E, E, E, NO;
+    EvaluateDiscreteStates "" "fmi3EvaluateDiscreteStates":                   NO, NO, E, E, NO;
+    EnterContinuousTimeMode "fmi2EnterContinuousTimeMode" "fmi3EnterContinuousTimeMode": NO, E, NO, E, NO;
+    CompletedIntegratorStep "fmi2CompletedIntegratorStep" "fmi3CompletedIntegratorStep": NO, C, NO, C, NO;
+    SetTime "fmi2SetTime" "fmi3SetTime":                                      NO, E|C, NO, E|C, NO;
+    SetContinuousStates "fmi2SetContinuousStates" "fmi3SetContinuousStates":  NO, C, NO, C, NO;
+    GetDerivatives "fmi2GetDerivatives" "fmi3GetContinuousStateDerivatives":  NO, N|E|C|T, NO, N|E|C|T, NO;
+    GetEventIndicators "fmi2GetEventIndicators" "fmi3GetEventIndicators":     NO, N|E|C|T, NO, N|E|C|T, NO;
+    GetContinuousStates "fmi2GetContinuousStates" "fmi3GetContinuousStates":  NO, N|E|C|T, NO, N|E|C|T, NO;
+    GetNominalsOfContinuousStates "fmi2GetNominalsOfContinuousStates" "fmi3GetNominalsOfContinuousStates": NO, I|N|E|C|T, NO, I|N|E|C|T, NO;
+    GetNumberOfEventIndicators "" "fmi3GetNumberOfEventIndicators":           NO, NO, NO, I|N|E|C|T, NO;
+    GetNumberOfContinuousStates "" "fmi3GetNumberOfContinuousStates":         NO, NO, NO, I|N|E|C|T, NO;
     // Co-simulation.
-    SetRealInputDerivatives "fmi2SetRealInputDerivatives" "":                 I|N|S, NO, NO, NO;
-    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|M|F|T, NO;
-    EnterStepMode "" "fmi3EnterStepMode":                                     NO, NO, E, NO;
-    DoStep "fmi2DoStep" "fmi3DoStep":                                         S, NO, S, NO;
-    CancelStep "fmi2CancelStep" "":                                           S, NO, NO, NO;
-    GetStatus "fmi2GetStatus" "":                                             S|F|T, NO, NO, NO;
-    GetRealStatus "fmi2GetRealStatus" "":                                     S|F|T, NO, NO, NO;
-    GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
-    GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
-    GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
-    GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
+    SetRealInputDerivatives "fmi2SetRealInputDerivatives" "":                 I|N|S, NO, NO, NO, NO;
+    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|M|T, NO, NO;
+    EnterStepMode "" "fmi3EnterStepMode":                                     NO, NO, E, NO, NO;
+    DoStep "fmi2DoStep" "fmi3DoStep":                                         S, NO, S, NO, NO;
+    CancelStep "fmi2CancelStep" "":                                           S, NO, NO, NO, NO;
+    GetStatus "fmi2GetStatus" "":                                             S|F|T, NO, NO, NO, NO;
+    GetRealStatus "fmi2GetRealStatus" "":                                     S|F|T, NO, NO, NO, NO;
+    GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO, NO;
+    GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO, NO;
+    GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO, NO;
+    GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, CS_GET, ME_GET, SE_GET|U;
+    GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, CS_GET, ME_GET, SE_GET|U;
     // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
-    EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
-    ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, I, I;
-    GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetInt8 "" "fmi3GetInt8": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetUInt8 "" "fmi3GetUInt8": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetInt16 "" "fmi3GetInt16": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetUInt16 "" "fmi3GetUInt16": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|M|F|T, I|N|E|C|T;
-    GetClock "" "fmi3GetClock": NO, NO, E, E;
-    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E|M, I|N|E|C;
-    SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E|M, I|N|E;
-    SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E|M, I|N|E;
-    SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E|M, I|N|E;
-    SetUInt16 "" "fmi3SetUInt16": NO, NO, I|N|S|E|M, I|N|E;
-    SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E|M, I|N|E;
-    SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E|M, I|N|E;
-    SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E|M, I|N|E;
-    SetClock "" "fmi3SetClock": NO, NO, E, E;
-    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, N|E, N|E;
-    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, N|E, N|E;
-    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, N, N;
-    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, N, N;
-    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, N|E, N|E;
-    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, N|E, N|E;
-    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, N, N;
-    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, N, N;
-    ActivateModelPartition "" "fmi3ActivateModelPartition": NO, NO, NO, NO;
+    EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S, I|E, I|A;
+    ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, K|R, K|R, K|R;
+    GetFloat32 "" "fmi3GetFloat32": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetInt8 "" "fmi3GetInt8": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetUInt8 "" "fmi3GetUInt8": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetInt16 "" "fmi3GetInt16": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetUInt16 "" "fmi3GetUInt16": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetUInt32 "" "fmi3GetUInt32": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetUInt64 "" "fmi3GetUInt64": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetBinary "" "fmi3GetBinary": NO, NO, CS_GET, ME_GET, SE_GET;
+    GetClock "" "fmi3GetClock": NO, NO, E, E, A|U;
+    SetFloat32 "" "fmi3SetFloat32": NO, NO, CS_SET, ME_SET|C, SE_SET;
+    SetInt8 "" "fmi3SetInt8": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetUInt8 "" "fmi3SetUInt8": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetInt16 "" "fmi3SetInt16": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetUInt16 "" "fmi3SetUInt16": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetUInt32 "" "fmi3SetUInt32": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetUInt64 "" "fmi3SetUInt64": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetBinary "" "fmi3SetBinary": NO, NO, CS_SET, ME_SET, SE_SET;
+    SetClock "" "fmi3SetClock": NO, NO, E, E, NO;
+    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, N|E, N|E, N|A|U;
+    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, N|E, N|E, N|A|U;
+    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, N, N, N;
+    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, N, N, N;
+    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, N|E, N|E, N|A;
+    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, N|E, N|E, N|A;
+    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, N, N, N;
+    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, N, N, N;
+    ActivateModelPartition "" "fmi3ActivateModelPartition": NO, NO, NO, NO, A;
 }
 
 impl Function {
@@ -367,5 +404,50 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// FMI 3.0.2, sections 2.3 (Configuration Mode and Reconfiguration Mode) and 5.2 (Clock Update Mode), and the tables
+    /// of the modes from which they are entered. Logging and reset are always possible.
+    #[test]
+    fn modes_for_one_purpose_allow_only_its_functions() {
+        let names = |protocol, mode| -> Vec<_> {
+            let functions = Function::ALL.iter().filter(|function| function.allowed(protocol, mode));
+            functions.map(|function| function.name(Version::Fmi3)).collect()
+        };
+        for protocol in [Protocol::CS3, Protocol::ME3, Protocol::SE3] {
+            for mode in [Mode::Configuration, Mode::Reconfiguration] {
+                let setters = Function::ALL.iter().map(|function| function.name(Version::Fmi3)).filter(|name| {
+                    let value = name.strip_prefix("fmi3Set").unwrap_or("Time");
+                    !["Time", "Clock", "FMUState", "ContinuousStates", "DebugLogging"].contains(&value)
+                        && !["Interval", "Shift"].iter().any(|word| value.starts_with(word))
+                });
+                let others = ["fmi3SetDebugLogging", "fmi3Reset", "fmi3ExitConfigurationMode"];
+                let mut expected: Vec<_> = setters.chain(others).collect();
+                let mut found = names(protocol, mode);
+                expected.sort_unstable();
+                found.sort_unstable();
+                assert_eq!(found, expected, "{protocol:?} {mode:?}");
+            }
+            let from: Vec<_> = Mode::ALL
+                .into_iter()
+                .filter(|mode| Function::EnterConfigurationMode.allowed(protocol, *mode))
+                .collect();
+            let running = match protocol.interface {
+                Interface::CoSimulation => Mode::Step,
+                Interface::ModelExchange => Mode::Event,
+                Interface::ScheduledExecution => Mode::ClockActivation,
+            };
+            assert_eq!(from, [Mode::Instantiated, running]);
+        }
+        assert_eq!(
+            names(Protocol::SE3, Mode::ClockUpdate),
+            [
+                "fmi3GetNumberOfVariableDependencies",
+                "fmi3GetVariableDependencies",
+                "fmi3GetClock",
+                "fmi3GetIntervalDecimal",
+                "fmi3GetIntervalFraction"
+            ]
+        );
     }
 }

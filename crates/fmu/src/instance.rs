@@ -265,6 +265,7 @@ impl<M: Model> Instance<M> {
         }
         let mode = match self.protocol.interface {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
+            Interface::ScheduledExecution => Mode::ClockActivation,
             _ => Mode::Event,
         };
         let Run { ctx, run, values } = self.context();

@@ -97,6 +97,11 @@ fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
     }
 }
 
+/// Returns true for modes in which no state is saved, although no error has led to them.
+fn is_transient(mode: Mode) -> bool {
+    matches!(mode, Mode::IntermediateUpdate | Mode::Configuration | Mode::Reconfiguration | Mode::ClockUpdate)
+}
+
 fn read_switch(source: &mut Words<'_>) -> Result<bool, String> {
     match u32::from_le_bytes(source.take()?) {
         0 => Ok(false),
@@ -140,7 +145,7 @@ pub(crate) fn read<M: Model>(
         return Err("the bytes are damaged (checksum)".to_owned());
     }
     let number = u32::from_le_bytes(source.take()?);
-    let is_saved = |mode: &Mode| mode.belongs_to(protocol) && *mode != Mode::IntermediateUpdate;
+    let is_saved = |mode: &Mode| mode.belongs_to(protocol) && !is_transient(*mode);
     let mode = Mode::ALL.get(number as usize).copied().filter(is_saved);
     let mode = mode.ok_or_else(|| format!("unknown mode {number}"))?;
     if mode == Mode::Event && protocol.interface == Interface::CoSimulation && !M::HAS_EVENTS {

@@ -98,7 +98,7 @@ impl<M: Model> Instance<M> {
             let message = self.not_finite(reference as usize);
             return Err(match self.protocol.interface {
                 Interface::CoSimulation => self.error(Function::GetReal, message),
-                Interface::ModelExchange => self.discard(Function::GetReal, message),
+                _ => self.discard(Function::GetReal, message),
             });
         }
         for (value, &reference) in values.iter_mut().zip(references) {
