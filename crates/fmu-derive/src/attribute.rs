@@ -389,6 +389,10 @@ impl Variable {
             };
             set.push(quote_spanned!(clock.span()=> details.clocks = #names));
         }
+        let sizes = errors.keep(self.sizes(ty)).unwrap_or_default();
+        if !sizes.is_empty() {
+            set.push(quote!(details.sizes = &[#(#sizes),*]));
+        }
         if let Some(Some(mime)) = errors.keep(self.value("mime")) {
             set.push(quote_spanned!(mime.span()=> mime = #mime));
         }
@@ -398,7 +402,7 @@ impl Variable {
         if let Some(Some(quantity)) = errors.keep(self.value("quantity")) {
             set.push(quote_spanned!(quantity.span()=> details.quantity = #quantity));
         }
-        for key in ["relative_quantity", "unbounded", "intermediate"] {
+        for key in ["relative_quantity", "unbounded", "intermediate", "structural"] {
             if errors.keep(self.flag(key)) == Some(true) {
                 let key = Ident::new(key, self.span());
                 set.push(quote!(details.#key = true));
@@ -427,6 +431,34 @@ impl Variable {
             #(spec.#set;)*
             spec
         }))
+    }
+
+    /// The names of the structural parameters that are the lengths of an `Array`: one, or two for a matrix.
+    pub(crate) fn sizes(&self, ty: &Type) -> Result<Vec<LitStr>> {
+        let expected = dimensions(ty);
+        let Some(size) = self.value("size")? else {
+            return match expected {
+                0 => Ok(Vec::new()),
+                _ => Err(Error::new_spanned(
+                    ty,
+                    "the length is missing: name the structural parameter that is the length, as in \
+                     `#[var(size = \"n\")]`; for a matrix, `size = [\"m\", \"n\"]`",
+                )),
+            };
+        };
+        let is_name = |name: &Expr| match name {
+            Expr::Lit(ExprLit { lit: Lit::Str(name), .. }) => Some(name.clone()),
+            _ => None,
+        };
+        let names: Option<Vec<LitStr>> = match size {
+            Expr::Array(names) => names.elems.iter().map(is_name).collect(),
+            name => is_name(name).map(|name| vec![name]),
+        };
+        names.filter(|names| names.len() == expected && (1..=2).contains(&expected)).ok_or_else(|| {
+            let message = "`size` is the name of a structural parameter for an `Array<T, MAX>`, and two names for a \
+                           `Matrix<T, MAX, MAX>`; other types have a fixed size";
+            Error::new(size.span(), message)
+        })
     }
 
     /// The only version of FMI that has the variable, an expression of type `fmu::calls::Version`.
@@ -610,6 +642,16 @@ pub(crate) fn name_of(ty: &Type) -> Option<String> {
 /// The type of a variable, or of the elements of an array, even if it is nested.
 fn innermost(ty: &Type) -> &Type {
     element(ty).map_or(ty, innermost)
+}
+
+/// The number of dimensions whose length is a structural parameter.
+fn dimensions(ty: &Type) -> usize {
+    let Type::Path(path) = ty else { return 0 };
+    match path.path.segments.last().map(|segment| segment.ident.to_string()).as_deref() {
+        Some("Matrix") => 2,
+        Some("Array") => 1 + element(ty).map_or(0, dimensions),
+        _ => 0,
+    }
 }
 
 /// The element type of an array.

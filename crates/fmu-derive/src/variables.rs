@@ -5,7 +5,7 @@ use quote::{format_ident, quote, quote_spanned};
 use syn::ext::IdentExt as _;
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
-use syn::{DeriveInput, Error, Expr, Field, GenericParam, Ident, Lit, Result, Token};
+use syn::{DeriveInput, Error, Expr, Field, GenericParam, Ident, Lit, LitStr, Result, Token};
 
 use crate::attribute::{Content, Source, Variable, content, doc, element, fields, literal, name_of, root};
 use crate::errors::Errors;
@@ -50,13 +50,16 @@ impl Block {
             (Self::Derived, _) => "unit nominal display elements description",
         };
         let fmi = if self == Self::State { None } else { Some("fmi") };
+        let structural =
+            (self == Self::Parameters && matches!(content, Content::Integer | Content::Other)).then_some("structural");
         let is_constant = matches!(self, Self::Outputs | Self::Derived) && content != Content::Binary;
         let of_numbers: &[&str] = match content {
             Content::Real | Content::Unknown => &["quantity", "relative_quantity", "unbounded"],
             Content::Integer => &["quantity"],
             Content::Binary | Content::Other => &[],
         };
-        let others = ["alias"].into_iter().chain(fmi).chain(is_constant.then_some("constant"));
+        let others =
+            ["alias", "size"].into_iter().chain(fmi).chain(structural).chain(is_constant.then_some("constant"));
         keys.split(' ').chain(others).chain(of_numbers.iter().copied()).collect()
     }
 }
@@ -74,6 +77,8 @@ struct Part {
     constant: Option<TokenStream>,
     /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
+    /// Names of the structural parameters that are the lengths of an array.
+    sizes: Vec<LitStr>,
     /// Constant expression of type `fmu::declare::Name`, followed by a comma, or nothing.
     text: TokenStream,
 }
@@ -182,8 +187,15 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     // All uses of a type have the span of the type, so the compiler reports a wrong type only once.
     let counts: Vec<_> = parts.iter().map(|part| part.counts(&root, &number)).collect();
     let reads = parts.iter().zip(&locals).map(|(part, local)| {
-        let Part { ty, by, .. } = part;
-        quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at);)
+        let Part { ty, by, sizes, .. } = part;
+        let method = match sizes.len() {
+            1 => "with_length",
+            _ => "with_lengths",
+        };
+        let method = Ident::new(method, part.span());
+        let lengths = (!sizes.is_empty())
+            .then(|| quote_spanned!(part.span()=> .#method([#(values.length(const { #root::hash(#sizes) })),*])));
+        quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at)#lengths;)
     });
     let has_starts = parts.iter().map(|part| &part.has_starts);
     let members = members(&parts, &root, &number);
@@ -275,6 +287,7 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
         (None, Expr::Lit(_) | Expr::Unary(_)) if is_number_of_another_type(ty, start) => {
             quote_spanned!(span=> #root::number(#start))
         }
+        (_, Expr::Path(path)) if path.path.is_ident("identity") => quote_spanned!(span=> #root::start(#root::Identity)),
         _ => quote_spanned!(span=> #root::start(#start)),
     }
 }
@@ -316,6 +329,7 @@ fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
 fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
     match ty {
         syn::Type::Array(array) => variable.key("elements").is_none() && is_numbered(&array.elem, variable),
+        _ if variable.key("size").is_some() => true,
         other => element(other).is_none(),
     }
 }
@@ -404,6 +418,7 @@ fn part(
             by: quote!(Variables),
             combine: quote!(ContinuousState),
             constant: None,
+            sizes: Vec::new(),
         });
     }
     if block == Block::State && (matches!(content, Content::Integer | Content::Binary | Content::Other) || is_f32(&ty))
@@ -486,6 +501,7 @@ fn part(
         by: quote!(Field),
         combine: quote!(RealField),
         constant,
+        sizes: variable.sizes(&field.ty).unwrap_or_default(),
         declaration: declaration.unwrap_or_default(),
         has_starts: quote!(#has_start),
         text,

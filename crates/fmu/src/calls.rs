@@ -247,7 +247,7 @@ calls! {
     GetInt64 "" "fmi3GetInt64":                                               NO, NO, CS_GET, ME_GET, SE_GET;
     GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
     GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, CS_GET, ME_GET, SE_GET;
-    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, CS_SET, ME_SET|C, SE_SET;
+    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, CS_SET & !(K|R), ME_SET & !(K|R) | C, SE_SET & !(K|R);
     SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
     SetInt64 "" "fmi3SetInt64":                                               NO, NO, CS_SET, ME_SET, SE_SET;
     SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
@@ -418,7 +418,8 @@ mod tests {
             for mode in [Mode::Configuration, Mode::Reconfiguration] {
                 let setters = Function::ALL.iter().map(|function| function.name(Version::Fmi3)).filter(|name| {
                     let value = name.strip_prefix("fmi3Set").unwrap_or("Time");
-                    !["Time", "Clock", "FMUState", "ContinuousStates", "DebugLogging"].contains(&value)
+                    // Structural parameters are integers or Booleans.
+                    !["Time", "Clock", "FMUState", "ContinuousStates", "DebugLogging", "Float64"].contains(&value)
                         && !["Interval", "Shift"].iter().any(|word| value.starts_with(word))
                 });
                 let others = ["fmi3SetDebugLogging", "fmi3Reset", "fmi3ExitConfigurationMode"];

@@ -338,7 +338,7 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
 #[derive(Clone, Copy, Debug)]
 pub struct Name {
     text: &'static str,
-    /// Polynomial hash of the bytes of the text, modulo 2^64.
+    /// [`hash`] of the text.
     hash: u64,
     /// [`Self::BASE`] to the power of the length. The hash of a prefix times this, plus `hash`, is the hash of the
     /// prefix followed by the text.
@@ -353,13 +353,12 @@ impl Name {
 
     /// A variable, or an array of variables.
     pub const fn of(text: &'static str, is_array: bool) -> Self {
-        let (mut hash, mut power, mut i) = (0_u64, 1_u64, 0);
+        let (mut power, mut i) = (1_u64, 0);
         while i < text.len() {
-            hash = hash.wrapping_mul(Self::BASE).wrapping_add(text.as_bytes()[i] as u64 + 1);
             power = power.wrapping_mul(Self::BASE);
             i += 1;
         }
-        Self { text, hash, power, is_array, fields: None }
+        Self { text, hash: hash(text), power, is_array, fields: None }
     }
 
     /// A nested struct; the prefix may be empty.
@@ -380,6 +379,16 @@ impl Name {
             _ => Self::of(".", false).behind(self.behind(outer)),
         }
     }
+}
+
+/// Polynomial hash of the bytes of a text, modulo 2^64.
+pub const fn hash(name: &str) -> u64 {
+    let (mut hash, mut i) = (0_u64, 0);
+    while i < name.len() {
+        hash = hash.wrapping_mul(Name::BASE).wrapping_add(name.as_bytes()[i] as u64 + 1);
+        i += 1;
+    }
+    hash
 }
 
 /// A text built at compile time.

@@ -16,8 +16,9 @@ use crate::clocks::{self, InputClock, Interval, Timing};
 use crate::model::Info;
 use crate::number::Size;
 use crate::runner::{Kind as ModelKind, Model};
+use crate::store::Length;
 use crate::unit::Unit;
-use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 /// Category of messages about rejected calls and failed steps; always logged.
 pub const LOG_ERROR: &str = "logStatusError";
@@ -135,7 +136,13 @@ impl Description {
 
     /// Dependencies of a variable of FMI 3.0, element by element, at the start or after it. They are those of the model
     /// structure: independent of the present values. `None` if there is no variable with this value reference.
-    pub(crate) fn dependencies_of(&self, reference: u32, at_start: bool) -> Option<Vec<Dependency>> {
+    /// `lengths` are the present lengths of arrays.
+    pub(crate) fn dependencies_of(
+        &self,
+        reference: u32,
+        at_start: bool,
+        lengths: &[Length],
+    ) -> Option<Vec<Dependency>> {
         // The first element of the array, for each value reference.
         let mut firsts: Vec<u32> = Vec::new();
         while let Some(&length) = self.lengths.get(firsts.len()) {
@@ -145,12 +152,19 @@ impl Description {
         let length = self.lengths.get(reference as usize).copied().unwrap_or(1) as usize;
         let mut lines = self.dependencies.split('\n').skip(reference as usize).take(length).peekable();
         lines.peek().filter(|_| first(reference) == reference)?;
+        // Number of the element at a position in memory, from 1; `None` if the array is shorter at present.
+        let number = |reference: u32, position: usize| match self.layout.sized_array(reference) {
+            Some(array) => array.elements(lengths).position(|present| present == position).map(|number| number + 1),
+            None => Some(position + 1),
+        };
         let mut all = Vec::new();
-        for (element, line) in (1..).zip(lines) {
+        for (position, line) in lines.enumerate() {
             let (after_start, start) = line.split_once(';')?;
+            let Some(element) = number(reference, position) else { continue };
             let mut add = |on: u32| {
-                let element_of = (on - first(on)) as usize + 1;
-                all.push(Dependency { element, on: first(on), element_of });
+                if let Some(element_of) = number(first(on), (on - first(on)) as usize) {
+                    all.push(Dependency { element, on: first(on), element_of });
+                }
             };
             for range in (if at_start { start } else { after_start }).split(' ').filter(|range| !range.is_empty()) {
                 if range == "p" {
@@ -202,6 +216,16 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
 
 /// Returns an error for the first variable that the FMI version cannot express, if any.
 fn inexpressible(layout: &Layout, format: Format) -> Option<String> {
+    let sized = layout.variables.iter().find(|variable| !variable.declaration.details.sizes.is_empty());
+    if let Some(Declaration { array: Some(array), details, .. }) = sized.map(|found| &found.declaration)
+        && !format.arrays
+    {
+        return Some(format!(
+            "'{}' has the length {}, which only array variables can have: pack with --fmi 3 --arrays",
+            array.name,
+            details.sizes.join(" × ")
+        ));
+    }
     let range = Size::Int32.range();
     let is_shown = |variable: &&Variable| format.version == Version::Fmi2 && variable.is_in(Version::Fmi2);
     layout.variables.iter().filter(is_shown).find_map(|variable| {
@@ -264,6 +288,39 @@ fn mistaken_clock(layout: &Layout) -> Option<String> {
             },
             _ => None,
         }
+    })
+}
+
+/// Returns the first mistake in the declarations of structural parameters and of the arrays whose lengths they are, if any.
+fn mistaken_size(layout: &Layout) -> Option<String> {
+    let is_size = |name: &str| layout.variables.iter().any(|array| array.declaration.details.sizes.contains(&name));
+    layout.variables.iter().find_map(|variable| {
+        let Declaration { name, array, kind, details, .. } = &variable.declaration;
+        match kind {
+            Kind::Integer { start: 0, .. } if is_size(name) => {
+                return Some(format!("start of '{name}' must be above 0, because it is the length of an array"));
+            }
+            _ if details.sizes.is_empty() => return None,
+            _ => {}
+        }
+        let array = array.as_ref()?;
+        let name = &array.name;
+        for (size, most) in details.sizes.iter().zip(&array.dimensions) {
+            let parameter = layout.by_name(size).filter(|v| v.role == Role::Parameter && v.declaration.is_length());
+            let Some(Declaration { kind: Kind::Integer { max, .. }, .. }) = parameter.map(|found| &found.declaration)
+            else {
+                return Some(format!(
+                    "the length '{size}' of '{name}' must be a parameter of type `u64` with `structural`"
+                ));
+            };
+            if *max != *most as i128 {
+                return Some(format!(
+                    "'{name}' has room for {most} elements, so `max` of '{size}' must be {most}, got {max}"
+                ));
+            }
+        }
+        let is_whole = details.sizes.len() == array.dimensions.len() && layout.array_of(variable).is_some();
+        (!is_whole).then(|| format!("the elements of '{name}' must have the same type, unit and limits"))
     })
 }
 
@@ -382,7 +439,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
             _ => {}
         }
     }
-    if let Some(problem) = mistaken_clock(layout) {
+    if let Some(problem) = mistaken_clock(layout).or_else(|| mistaken_size(layout)) {
         return Some(problem);
     }
     if format.version == Version::Fmi2 {

@@ -7,7 +7,7 @@ use crate::table::Table;
 
 /// Hash of an expression of known variables and constants. If two evaluations of the equations give the same hash, they
 /// computed the same expression, except with a probability of about 2^-64.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Expression(u128);
 
 thread_local! {

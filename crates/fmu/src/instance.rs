@@ -19,6 +19,7 @@ mod derivatives;
 mod model_exchange;
 mod state_bytes;
 mod states;
+mod structure;
 mod updates;
 mod values;
 
@@ -82,6 +83,8 @@ pub struct Instance<M: Model> {
     derivatives_are_old: bool,
     /// True if an up-to-date output or derivative is not finite. All other values are always finite.
     has_not_finite: bool,
+    /// Positions of the present states in memory; `None` if their number cannot change.
+    present_states: Option<Vec<usize>>,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     texts: Box<[CString]>,
 }
@@ -95,7 +98,6 @@ impl<M: Model> Instance<M> {
         Self {
             protocol,
             uses_event_mode: false,
-            description,
             resources,
             mode: Mode::Instantiated,
             allowed: ALLOWED[protocol.column()][Mode::Instantiated as usize],
@@ -109,6 +111,8 @@ impl<M: Model> Instance<M> {
             derivatives_are_old: true,
             has_not_finite: false,
             texts,
+            present_states: structure::present_states(&description.layout, &values),
+            description,
             values,
         }
     }
@@ -151,7 +155,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn is_before_start(&self) -> bool {
-        matches!(self.mode, Mode::Instantiated | Mode::Initialization)
+        matches!(self.mode, Mode::Instantiated | Mode::Configuration | Mode::Initialization)
     }
 
     /// Marks the instance as broken after a panic: only reset and free are allowed.
@@ -449,7 +453,7 @@ impl<M: Model> Instance<M> {
 
     /// fmi3GetVariableDependencies. Fails for an unknown reference.
     pub(crate) fn dependencies(&self, function: Function, reference: u32) -> CallResult<Vec<Dependency>> {
-        self.description.dependencies_of(reference, self.is_before_start()).ok_or_else(|| {
+        self.description.dependencies_of(reference, self.is_before_start(), &self.values.lengths).ok_or_else(|| {
             self.error(function, format_args!("value reference {reference} is not a variable of this FMU"))
         })
     }

@@ -76,6 +76,7 @@
 extern crate self as fmu;
 
 mod abi;
+mod array;
 mod bytes;
 mod calls;
 mod clocks;
@@ -105,6 +106,7 @@ mod unit;
 mod variable;
 mod variables;
 
+pub use array::{Array, Matrix};
 pub use bytes::Bytes;
 pub use clocks::{Clock, Tick};
 pub use definition::{Definition, LEAST_POSITIVE, MAX_STEP, Range, SAMPLE_TIME, TOLERANCE};
@@ -136,6 +138,7 @@ macro_rules! open {
 #[doc(hidden)]
 pub mod __private {
     pub use crate::abi::Export;
+    pub use crate::array::Identity;
     pub use crate::clocks::{Clocked, InputClock, Interval, NoTimer, Schedule, Span, Timing};
     pub use crate::declare::*;
     pub use crate::enumeration::Item;
@@ -184,8 +187,8 @@ pub mod prelude {
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};
     #[doc(no_inline)]
     pub use crate::{
-        At, Bytes, Clock, Continuous, Discrete, Event, Influence, MAX_STEP, SAMPLE_TIME, Sample, Scalar, Solver,
-        Stateful, TOLERANCE, Table, Tick, Unit,
+        Array, At, Bytes, Clock, Continuous, Discrete, Event, Influence, MAX_STEP, Matrix, SAMPLE_TIME, Sample, Scalar,
+        Solver, Stateful, TOLERANCE, Table, Tick, Unit,
     };
 }
 

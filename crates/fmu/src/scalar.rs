@@ -32,6 +32,7 @@ use crate::table::Table;
 pub trait Scalar:
     Copy
     + Debug
+    + Default
     + From<f64>
     + Add<Output = Self>
     + Sub<Output = Self>

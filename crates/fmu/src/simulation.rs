@@ -9,7 +9,17 @@ use crate::runner::{ClockedModel, Context, ContinuousModel, DiscreteModel, MOST_
 use crate::store::{Counts, ValueStore};
 use crate::timeline::Timeline;
 use crate::variable::{Layout, Role, Variable};
-use crate::variables::Variables as _;
+use crate::variables::{Parameters, Variables as _};
+
+/// Writes the parameters to the values. Returns them with arrays that have the lengths of the structural parameters.
+fn with_lengths<M: Parameters>(model: M, layout: &Layout, values: &mut ValueStore) -> M {
+    model.write(&mut values.view_mut(), Counts::ZERO);
+    if layout.structural.is_empty() {
+        return model;
+    }
+    values.update_lengths(layout);
+    M::read(values.view(), Counts::ZERO)
+}
 
 /// Runs the model without the data for model exchange.
 type Runner<M> = ContinuousModel<M, false>;
@@ -89,9 +99,9 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// Like [`Self::new`], with files from another folder. Also fails if a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = Runner::<M>::layout();
-        let derived = model.load(resources)?;
         let mut values = ValueStore::start(&layout);
-        model.write(&mut values.view_mut(), Counts::ZERO);
+        let model = with_lengths(model, &layout, &mut values);
+        let derived = model.load(resources)?;
         let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
         Runner::<M>::initialize(ctx, &mut values);
         let mut run = Runner::<M>::init(ctx, resources, &values)?;
@@ -134,7 +144,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// or the parameters are inconsistent.
     pub fn set_parameters(&mut self, model: M) -> Result<(), String> {
         let mut values = self.values.clone();
-        model.write(&mut values.view_mut(), Counts::ZERO);
+        let model = with_lengths(model, &self.layout, &mut values);
         let is_changed = |v: &&Variable| v.role == Role::Parameter && values.differs(&self.values, v);
         let mut changed = self.layout.variables.iter().filter(is_changed).peekable();
         if changed.peek().is_none() {
@@ -226,7 +236,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = DiscreteModel::<M, false>::layout();
         let mut values = ValueStore::start(&layout);
-        model.write(&mut values.view_mut(), Counts::ZERO);
+        let model = with_lengths(model, &layout, &mut values);
         let sample_time = layout.solver.map_or(M::INFO.step_size, |index| values.reals[index]);
         let derived = model.load(resources)?;
         let state = model.initial_state(&derived);
@@ -276,9 +286,9 @@ impl<M: Clocked> ClockedSimulation<M> {
     pub fn new(model: M) -> Result<Self, String> {
         let layout = ClockedModel::<M>::layout();
         let resources = Path::new(M::INFO.resources);
-        let derived = model.load(resources)?;
         let mut values = ValueStore::start(&layout);
-        model.write(&mut values.view_mut(), Counts::ZERO);
+        let model = with_lengths(model, &layout, &mut values);
+        let derived = model.load(resources)?;
         let ctx = Context { p: &model, derived: &derived, layout: &layout, time: 0.0 };
         let run = ClockedModel::<M>::init(ctx, resources, &values)?;
         Ok(Self { model, derived, layout, run, values, time: 0.0 })

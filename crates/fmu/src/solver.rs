@@ -9,7 +9,7 @@ use crate::bytes::Buffer;
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
 use crate::scalar::{Dependencies, Scalar};
-use crate::store::{ByType, Counts, Values, ValuesMut};
+use crate::store::{ByType, Counts, Length, Values, ValuesMut};
 use crate::variable::{Layout, Role};
 use crate::variables::{ContinuousState, Variables};
 
@@ -18,6 +18,7 @@ pub(crate) struct Problem<'a, M: Continuous> {
     pub(crate) model: &'a M,
     pub(crate) inputs: &'a M::Inputs<f64>,
     pub(crate) derived: &'a M::Derived,
+    pub(crate) lengths: &'a [Length],
 }
 
 /// One solver step: start time, length, and the discrete state, which is constant during the step.
@@ -57,7 +58,7 @@ impl<M: Continuous> Problem<'_, M> {
         discrete: &M::DiscreteState,
         to: &mut [T],
     ) {
-        let state = &M::State::from_reals(x);
+        let state = &M::State::read(Values::of_states(x, self.lengths), Counts::ZERO);
         let at = At { time, state, inputs, derived: self.derived, discrete };
         self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
     }
@@ -77,7 +78,7 @@ impl<M: Continuous> Problem<'_, M> {
 
     #[inline(never)]
     fn advance_on_heap(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, h: f64, end: &mut [f64]) {
-        let state = M::State::from_reals(x);
+        let state = M::State::read(Values::of_states(x, self.lengths), Counts::ZERO);
         self.model.advance(self.at(time, &state, discrete), h).write(&mut ValuesMut::of_reals(end), Counts::ZERO);
     }
 
@@ -88,7 +89,7 @@ impl<M: Continuous> Problem<'_, M> {
             self.trace(discrete, scratch);
         }
         let Scratch { jacobian, slope, duals, results, inputs, input_duals, .. } = scratch;
-        let inputs = inputs_of::<Dual64, M>(self.inputs, inputs, input_duals);
+        let inputs = inputs_of::<Dual64, M>(self, inputs, input_duals);
         let n = M::State::<f64>::COUNTS.reals;
         let (duals, results, slope) = (&mut duals[..n], &mut results[..n], &mut slope[..n]);
         for (dual, x) in duals.iter_mut().zip(x) {
@@ -148,23 +149,23 @@ impl<M: Continuous> Problem<'_, M> {
     fn dependencies(&self, discrete: &M::DiscreteState, memory: &mut Inputs) -> Vec<Dependencies> {
         let n = M::State::<f64>::COUNTS.reals;
         let known: Vec<_> = (0..n).map(Dependencies::on).collect();
-        let inputs = &inputs_of::<Dependencies, M>(self.inputs, memory, &mut Vec::new());
-        let state = &M::State::from_reals(&known);
+        let inputs = &inputs_of::<Dependencies, M>(self, memory, &mut Vec::new());
+        let state = &M::State::read(Values::of_states(&known, self.lengths), Counts::ZERO);
         let at = At { time: Dependencies::on(n), state, inputs, derived: self.derived, discrete };
         self.model.derivatives(at).reals()
     }
 }
 
 fn inputs_of<T: Scalar, M: Continuous>(
-    inputs: &M::Inputs<f64>,
+    &Problem { inputs, lengths, .. }: &Problem<'_, M>,
     memory: &mut Inputs,
     typed: &mut Vec<T>,
 ) -> M::Inputs<T> {
-    let Inputs { reals, words, booleans, strings, binaries } = memory;
-    inputs.write(&mut ValuesMut { reals, words, booleans, strings, binaries }, Counts::ZERO);
+    let Inputs { reals, words, booleans, strings, binaries, .. } = memory;
+    inputs.write(&mut ValuesMut { reals, words, booleans, strings, binaries, lengths: () }, Counts::ZERO);
     typed.clear();
     typed.extend(reals.iter().map(|&value| T::from(value)));
-    M::Inputs::read(Values { reals: typed, words, booleans, strings, binaries }, Counts::ZERO)
+    M::Inputs::read(Values { reals: typed, words, booleans, strings, binaries, lengths }, Counts::ZERO)
 }
 
 /// With a fixed step and at most this many states, states are stored as the model's struct, without the heap.
@@ -179,9 +180,9 @@ pub(crate) trait Keep<M: Continuous> {
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
     /// Passes a state to the model.
-    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R;
+    fn show<R>(x: &Self::State, lengths: &[Length], f: impl FnOnce(&M::State<f64>) -> R) -> R;
     /// Passes a state to the model, which may change it.
-    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
+    fn change<R>(x: &mut Self::State, lengths: &[Length], f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
     /// One step of fixed length with the classical Runge-Kutta method or the solution in closed form.
     fn fixed(
         problem: &Problem<'_, M>,
@@ -220,11 +221,11 @@ impl<M: Continuous> Keep<M> for InPlace {
         x.write(values, at);
     }
     #[inline]
-    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R {
+    fn show<R>(x: &Self::State, _: &[Length], f: impl FnOnce(&M::State<f64>) -> R) -> R {
         f(x)
     }
     #[inline]
-    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
+    fn change<R>(x: &mut Self::State, _: &[Length], f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
         f(x)
     }
     #[inline]
@@ -264,12 +265,12 @@ impl<M: Continuous> Keep<M> for OnHeap {
         values.reals[at.reals..][..x.len()].copy_from_slice(x);
     }
     #[inline(never)]
-    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R {
-        f(&M::State::from_reals(x))
+    fn show<R>(x: &Self::State, lengths: &[Length], f: impl FnOnce(&M::State<f64>) -> R) -> R {
+        f(&M::State::read(Values::of_states(x, lengths), Counts::ZERO))
     }
     #[inline(never)]
-    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
-        let mut state = M::State::from_reals(x);
+    fn change<R>(x: &mut Self::State, lengths: &[Length], f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
+        let mut state = M::State::read(Values::of_states(x, lengths), Counts::ZERO);
         let result = f(&mut state);
         state.write(&mut ValuesMut::of_reals(x), Counts::ZERO);
         result
@@ -485,6 +486,7 @@ impl Scratch {
                 booleans: vec![false; counts.booleans],
                 strings: vec![String::new(); counts.strings],
                 binaries,
+                lengths: (),
             },
             input_duals: vec![Dual64::from(0.0); counts.reals],
         }

@@ -5,9 +5,10 @@ use std::ops::{Range, RangeInclusive};
 use crate::bytes::Buffer;
 use crate::calls::Version;
 use crate::clocks::InputClock;
+use crate::declare::hash;
 use crate::enumeration::Item;
 use crate::number::{self, Number as _, Size, is_finite_f32};
-use crate::store::{Counts, ValueStore};
+use crate::store::{Counts, Length, ValueStore};
 use crate::unit::{DisplayUnit, Unit};
 
 /// A declared variable.
@@ -42,6 +43,10 @@ pub struct Details {
     pub constant: bool,
     /// Names of the input clocks to which the variable belongs.
     pub clocks: &'static [&'static str],
+    /// True for a structural parameter.
+    pub structural: bool,
+    /// Names of the structural parameters that are the lengths of the dimensions of an array.
+    pub sizes: &'static [&'static str],
     /// Physical quantity of a number, such as `Angle`; empty if it is not declared.
     pub quantity: &'static str,
     /// True for a real number that is a difference, so the offset of a display unit does not apply.
@@ -242,6 +247,10 @@ pub struct Layout {
     pub output_clocks: Vec<usize>,
     /// Numbers of event indicators.
     pub indicators: Indicators,
+    /// Indices of the words of structural parameters, in the order of [`ValueStore::lengths`].
+    pub structural: Vec<usize>,
+    /// Arrays whose lengths are structural parameters.
+    pub sized: Vec<SizedArray>,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
     pub solver: Option<usize>,
     /// First value reference of each type.
@@ -252,6 +261,38 @@ pub struct Layout {
     pub has_float32: bool,
     /// Position in `variables` by value reference.
     positions: Vec<usize>,
+}
+
+/// An array whose lengths are structural parameters. In memory, it has its greatest size.
+#[derive(Clone, Debug)]
+pub struct SizedArray {
+    /// Role of its elements.
+    pub role: Role,
+    /// Value reference of the array and of its first element. The elements have consecutive references, row by row.
+    pub reference: u32,
+    /// Greatest length of each dimension, and the position of its length in [`ValueStore::lengths`].
+    pub dimensions: Vec<(usize, usize)>,
+}
+
+impl SizedArray {
+    /// Greatest number of elements.
+    pub(crate) fn capacity(&self) -> usize {
+        self.dimensions.iter().map(|(most, _)| most).product()
+    }
+    /// The present elements, by their positions in memory, row by row.
+    pub(crate) fn elements(&self, lengths: &[Length]) -> impl Iterator<Item = usize> {
+        let length = |&(_, at): &(usize, usize)| lengths[at].value;
+        let count = self.dimensions.iter().map(length).product();
+        (0..count).map(move |number| {
+            let (mut number, mut position, mut stride) = (number, 0, 1);
+            for dimension in self.dimensions.iter().rev() {
+                position += number % length(dimension) * stride;
+                number /= length(dimension);
+                stride *= dimension.0;
+            }
+            position
+        })
+    }
 }
 
 /// The declared variables of a model, by block.
@@ -331,7 +372,7 @@ impl Layout {
         let booleans = words + total.words;
         let strings = booleans + total.booleans;
         let binaries = strings + total.strings;
-        let first = Counts { reals: 0, words, booleans, strings, binaries };
+        let first = Counts { reals: 0, words, booleans, strings, binaries, lengths: () };
         let end = u32::try_from(binaries + total.binaries).expect("fewer than 2^32 variables");
         let mut positions = vec![0; variables.len()];
         for (position, variable) in variables.iter_mut().enumerate() {
@@ -346,7 +387,7 @@ impl Layout {
             variable.role == Role::Parameter && Some(variable.declaration.name.as_str()) == declared.solver
         };
         let solver = variables.iter().find(is_solver).map(|variable| variable.index);
-        Self {
+        let mut layout = Self {
             parameters,
             derived,
             inputs,
@@ -360,9 +401,38 @@ impl Layout {
             first,
             end,
             has_float32: variables.iter().any(|variable| matches!(variable.declaration.kind, Kind::Float32(_))),
+            structural: variables.iter().filter(|v| v.declaration.is_length()).map(|v| v.index).collect(),
+            sized: Vec::new(),
             variables,
             positions,
-        }
+        };
+        layout.sized = layout.sized_arrays().collect();
+        layout
+    }
+
+    fn sized_arrays(&self) -> impl Iterator<Item = SizedArray> {
+        let of = |variable: &Variable| {
+            let sizes = variable.declaration.details.sizes;
+            if sizes.is_empty() {
+                return None;
+            }
+            let (array, elements) =
+                self.array_of(variable).filter(|(_, elements)| elements[0].index == variable.index)?;
+            let position = |name: &&str| {
+                let lengths = self.variables.iter().filter(|variable| variable.declaration.is_length());
+                lengths.map(|length| &length.declaration.name).position(|length| length == *name)
+            };
+            let positions: Option<Vec<usize>> = sizes.iter().map(position).collect();
+            let dimensions = array.dimensions.iter().copied().zip(positions?).collect();
+            Some(SizedArray { role: variable.role, reference: elements[0].reference, dimensions })
+        };
+        self.variables.iter().filter_map(of)
+    }
+
+    /// The array with a value reference, if its lengths are structural parameters.
+    #[inline]
+    pub(crate) fn sized_array(&self, reference: u32) -> Option<&SizedArray> {
+        self.sized.iter().find(|array| array.reference == reference)
     }
 
     /// The array to which a variable belongs, and all its elements. `None` if they differ in an attribute that an FMI
@@ -411,6 +481,10 @@ impl Layout {
         self.positions.get(reference as usize).and_then(|&position| self.variables.get(position))
     }
 
+    pub(crate) fn by_name(&self, name: &str) -> Option<&Variable> {
+        self.variables.iter().find(|variable| variable.declaration.name == name)
+    }
+
     /// The same positions and value references, without the variables that a version does not have.
     pub(crate) fn in_version(&self, version: Version) -> Self {
         let mut layout = self.clone();
@@ -455,6 +529,13 @@ impl Layout {
 }
 
 impl ValueStore {
+    /// Reads the lengths of arrays from the structural parameters.
+    pub(crate) fn update_lengths(&mut self, layout: &Layout) {
+        for (length, &index) in self.lengths.iter_mut().zip(&layout.structural) {
+            length.value = self.words[index] as usize;
+        }
+    }
+
     /// The start values.
     pub fn start(layout: &Layout) -> Self {
         Self::of(layout.variables.iter().map(|variable| &variable.declaration))
@@ -463,12 +544,17 @@ impl ValueStore {
     /// The start values of the declared variables.
     pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
         let (mut reals, mut words, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut binaries = Vec::new();
+        let (mut binaries, mut lengths) = (Vec::new(), Vec::new());
         for declaration in declarations {
             match &declaration.kind {
                 Kind::Real(real) => reals.push(real.start),
                 Kind::Float32(real) => words.push((real.start as f32).word()),
-                Kind::Integer { start, .. } => words.push(*start as u64),
+                Kind::Integer { start, .. } => {
+                    if declaration.is_length() {
+                        lengths.push(Length { parameter: hash(&declaration.name), value: *start as usize });
+                    }
+                    words.push(*start as u64);
+                }
                 Kind::Boolean { start } => booleans.push(*start),
                 Kind::Clock(_) => booleans.push(false),
                 Kind::String { start } => strings.push(start.clone()),
@@ -481,6 +567,19 @@ impl ValueStore {
             booleans: booleans.into(),
             strings: strings.into(),
             binaries: binaries.into(),
+            lengths: lengths.into(),
+        }
+    }
+
+    /// Copies the value of a variable.
+    pub(crate) fn copy(&mut self, from: &Self, variable: &Variable) {
+        let index = variable.index;
+        match variable.declaration.kind {
+            Kind::Real(_) => self.reals[index] = from.reals[index],
+            Kind::Float32(_) | Kind::Integer { .. } => self.words[index] = from.words[index],
+            Kind::Boolean { .. } | Kind::Clock(_) => self.booleans[index] = from.booleans[index],
+            Kind::String { .. } => self.strings[index].clone_from(&from.strings[index]),
+            Kind::Binary { .. } => self.binaries[index].set(&from.binaries[index]),
         }
     }
 
@@ -506,6 +605,11 @@ impl Declaration {
     /// The name and the aliases.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         std::iter::once(self.name.as_str()).chain(self.aliases.iter().map(|alias| alias.name.as_str()))
+    }
+
+    /// Returns true for a structural parameter that can be the length of arrays.
+    pub(crate) fn is_length(&self) -> bool {
+        self.details.structural && matches!(self.kind, Kind::Integer { size: Size::UInt64, is_enumeration: false, .. })
     }
 
     /// Returns true if the variables differ at most in name, description and start value.
@@ -627,7 +731,7 @@ fn derivative_of(state: &Declaration) -> Declaration {
         local: true,
         calculated: false,
         aliases: Vec::new(),
-        details: Details::default(),
+        details: Details { sizes: state.details.sizes, ..Details::default() },
         array: state.array.as_ref().map(|array| ArrayElement {
             name: format!("der({})", array.name),
             description: format!("Time derivative of {}", array.description),

@@ -491,7 +491,7 @@ functions! {
     }
 
     fn get_number_of_continuous_states[GetNumberOfContinuousStates](h, call, count: *mut size_t) {
-        *call.target("nContinuousStates", count)? = h.instance.layout().states.counts.reals;
+        *call.target("nContinuousStates", count)? = h.instance.state_count();
         Ok(())
     }
 
@@ -525,6 +525,10 @@ functions! {
     }
 
     fn enter_step_mode[EnterStepMode](h, _) { h.instance.enter_step_mode() }
+
+    fn enter_configuration_mode[EnterConfigurationMode](h, _) { h.instance.enter_configuration() }
+
+    fn exit_configuration_mode[ExitConfigurationMode](h, _) { h.instance.exit_configuration() }
 
     /// fmi3DoStep without a callback for intermediate updates.
     fn do_step_without_updates[DoStep](
@@ -665,6 +669,8 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EvaluateDiscreteStates evaluate_discrete_states ();
                 fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
                 fmi3EnterStepMode enter_step_mode ();
+                fmi3EnterConfigurationMode enter_configuration_mode ();
+                fmi3ExitConfigurationMode exit_configuration_mode ();
                 fmi3GetNumberOfVariableDependencies get_number_of_variable_dependencies (vr: ValueReference, n: *mut size_t);
                 fmi3GetVariableDependencies get_variable_dependencies (dependent: ValueReference, elements: *mut size_t, independents: *mut ValueReference, their_elements: *mut size_t, kinds: *mut c_int, n: size_t);
                 fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
@@ -703,8 +709,6 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
             }
             $crate::c_interface_of_fmi3! { @not $model:
-                fmi3EnterConfigurationMode EnterConfigurationMode ();
-                fmi3ExitConfigurationMode ExitConfigurationMode ();
                 fmi3ActivateModelPartition ActivateModelPartition (_clock: ValueReference, _time: f64);
             }
             $crate::c_interface_of_fmi3! { @of co_simulation $model:

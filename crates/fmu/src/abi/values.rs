@@ -48,9 +48,7 @@ pub(super) unsafe fn elements<'h, E: Export>(
     }
     h.elements.clear();
     for &reference in references {
-        let length = h.instance.length_of(reference);
-        // An unknown reference is passed on; the instance rejects it.
-        h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
+        h.instance.elements_of(reference, &mut h.elements);
     }
     Ok((&h.elements, &mut h.instance))
 }

@@ -12,6 +12,7 @@ use super::{Format, xml};
 use crate::calls::Version;
 use crate::clocks::{InputClock, Interval, Span, Timing};
 use crate::runner::{Kind as ModelKind, Model};
+use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty instantiation token.
@@ -125,6 +126,10 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         None => (&declaration.name, &declaration.description, &[variable][..]),
     };
     let (mut attributes, has_start) = attributes::<M>(layout, variable, name, description);
+    if declaration.details.structural {
+        let causality = attributes.iter_mut().find(|(name, _)| *name == "causality");
+        causality.expect("always written").1 = "structuralParameter".to_owned();
+    }
     attributes.extend(type_attributes(layout, variable, Version::Fmi3));
     if variable.role == Role::Derivative {
         attributes.push(("derivative", layout.state_of(variable).reference.to_string()));
@@ -139,6 +144,11 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     if variable.is_intermediate() && M::KIND == ModelKind::Continuous && format.interfaces.co_simulation {
         attributes.push(("intermediateUpdate", "true".to_owned()));
     }
+    let sized = if array.is_some() { layout.sized_array(variable.reference) } else { None };
+    let elements: Vec<&Variable> = match sized {
+        Some(array) => array.elements(&ValueStore::start(layout).lengths).map(|position| elements[position]).collect(),
+        None => elements.to_vec(),
+    };
     let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable)).collect();
     let is_text = matches!(declaration.kind, Kind::String { .. } | Kind::Binary { .. });
     if has_start && !is_text {
@@ -150,7 +160,9 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         return empty(xml, name, &attributes);
     }
     element(xml, name, &attributes, |xml| {
-        let mut dimensions = array.iter().flat_map(|(array, _)| &array.dimensions);
+        let mut sizes = declaration.details.sizes.iter().filter_map(|name| layout.by_name(name));
+        sizes.try_for_each(|size| empty(xml, "Dimension", &[("valueReference", &size.reference)]))?;
+        let mut dimensions = array.iter().filter(|_| sized.is_none()).flat_map(|(array, _)| &array.dimensions);
         dimensions.try_for_each(|length| empty(xml, "Dimension", &[("start", length)]))?;
         starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))?;
         declaration.aliases.iter().try_for_each(|alias| {

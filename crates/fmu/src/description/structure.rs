@@ -97,6 +97,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path, version: Ve
                 values.booleans[variable.index] = value != 0;
             }
         }
+        values.update_lengths(layout);
         let p = M::parameters(values);
         let derived = M::load(&p, resources)?;
         let mut initial = values.clone();

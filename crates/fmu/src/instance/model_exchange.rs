@@ -68,10 +68,14 @@ impl<M: Model> Instance<M> {
         let function = Function::SetContinuousStates;
         let range = self.range(function, self.layout().states, states)?;
         if let Some(at) = states.iter().position(|state| !state.is_finite()) {
-            let name = self.layout().real_name(range.start + at);
+            let name = self.layout().real_name(range.start + self.state_at(at));
             return Err(self.discard(function, format_args!("'{name}' must be finite, got {}", states[at])));
         }
-        self.values.reals[range].copy_from_slice(states);
+        let reals = &mut self.values.reals[range];
+        match &self.present_states {
+            None => reals.copy_from_slice(states),
+            Some(present) => present.iter().zip(states).for_each(|(&at, &state)| reals[at] = state),
+        }
         self.forget_results();
         Ok(())
     }
@@ -81,15 +85,15 @@ impl<M: Model> Instance<M> {
         let range = self.range(Function::GetContinuousStates, self.layout().states, states)?;
         // The start values of states may follow from the parameters.
         self.derive()?;
-        states.copy_from_slice(&self.values.reals[range]);
+        self.read_states(range, states);
         Ok(())
     }
 
     /// fmi2GetNominalsOfContinuousStates. Fails if the number of states is wrong.
     pub fn nominals(&self, nominals: &mut [f64]) -> CallResult {
         let range = self.range(Function::GetNominalsOfContinuousStates, self.layout().states, nominals)?;
-        for (nominal, index) in nominals.iter_mut().zip(range) {
-            *nominal = self.layout().nominal(index);
+        for (at, nominal) in nominals.iter_mut().enumerate() {
+            *nominal = self.layout().nominal(range.start + self.state_at(at));
         }
         Ok(())
     }
@@ -102,7 +106,7 @@ impl<M: Model> Instance<M> {
         if let Some(index) = range.clone().find(|&index| !self.values.reals[index].is_finite()) {
             return Err(self.discard(function, self.not_finite(index)));
         }
-        derivatives.copy_from_slice(&self.values.reals[range]);
+        self.read_states(range, derivatives);
         Ok(())
     }
 
@@ -136,10 +140,29 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Indices of the reals in a block. Fails if `array` has another length.
+    /// fmi3GetNumberOfContinuousStates. It changes with structural parameters.
+    pub(crate) fn state_count(&self) -> usize {
+        self.present_states.as_ref().map_or(self.layout().states.counts.reals, Vec::len)
+    }
+
+    /// Position in memory of a present state.
+    fn state_at(&self, number: usize) -> usize {
+        self.present_states.as_ref().map_or(number, |present| present[number])
+    }
+
+    /// Reads the present states, or their derivatives, from the reals of a block.
+    fn read_states(&self, range: Range<usize>, values: &mut [f64]) {
+        let reals = &self.values.reals[range];
+        match &self.present_states {
+            None => values.copy_from_slice(reals),
+            Some(present) => values.iter_mut().zip(present).for_each(|(value, &at)| *value = reals[at]),
+        }
+    }
+
+    /// Indices of the reals of the states or derivatives. Fails if `array` does not have the number of present states.
     fn range(&self, function: Function, block: Block, array: &[f64]) -> CallResult<Range<usize>> {
         self.check(function)?;
-        self.check_length(function, "states", block.counts.reals, array.len())?;
+        self.check_length(function, "states", self.state_count(), array.len())?;
         Ok(block.reals())
     }
 

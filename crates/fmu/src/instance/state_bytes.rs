@@ -41,14 +41,7 @@ pub(crate) fn write<M: Model>(
     let mut values = snapshot.values.clone();
     let starts = ValueStore::start(layout);
     for variable in layout.variables.iter().filter(|variable| is_computed::<M>(snapshot.mode, variable)) {
-        let index = variable.index;
-        match variable.declaration.kind {
-            Kind::Real(_) => values.reals[index] = starts.reals[index],
-            Kind::Float32(_) | Kind::Integer { .. } => values.words[index] = starts.words[index],
-            Kind::Boolean { .. } | Kind::Clock(_) => values.booleans[index] = starts.booleans[index],
-            Kind::String { .. } => values.strings[index].clone_from(&starts.strings[index]),
-            Kind::Binary { .. } => values.binaries[index].set(&starts.binaries[index]),
-        }
+        values.copy(&starts, variable);
     }
     let mut out = MAGIC.to_vec();
     out.extend(VERSION.to_le_bytes());
@@ -167,6 +160,7 @@ pub(crate) fn read<M: Model>(
     for value in &mut values.words {
         *value = source.u64()?;
     }
+    values.update_lengths(layout);
     for value in &mut values.booleans {
         *value = source.take()? != [0];
     }

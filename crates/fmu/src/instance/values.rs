@@ -155,10 +155,6 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    pub(crate) fn length_of(&self, reference: u32) -> u32 {
-        self.description.lengths.get(reference as usize).copied().unwrap_or(1)
-    }
-
     #[cold]
     pub(super) fn not_finite(&self, index: usize) -> String {
         let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.timeline.time);
@@ -273,7 +269,14 @@ impl<M: Model> Instance<M> {
         };
         let before_start = self.is_before_start();
         let is_continuous = self.mode == Mode::ContinuousTime;
+        let is_configured = matches!(self.mode, Mode::Configuration | Mode::Reconfiguration);
+        let Declaration { tunable, details, .. } = variable.declaration;
+        let is_structural = details.structural && self.protocol.version == Version::Fmi3;
         let (allowed, what) = match variable.role {
+            _ if is_structural => {
+                (is_configured && (tunable || self.mode == Mode::Configuration), "a structural parameter")
+            }
+            _ if is_configured => (false, "not a structural parameter"),
             // Same effect as fmi2SetContinuousStates; CasADi sets states this way.
             Role::State if is_continuous => (true, ""),
             Role::Input => (true, ""),
@@ -294,6 +297,9 @@ impl<M: Model> Instance<M> {
             return Ok(variable);
         }
         let when = match variable.role {
+            _ if is_structural && tunable => "settable only in Configuration Mode and Reconfiguration Mode",
+            _ if is_structural => "settable only in Configuration Mode",
+            _ if is_configured => "not settable in this mode",
             Role::Calculated | Role::Derivative | Role::Clock => "never settable",
             Role::Output if M::CALCULATES_OUTPUTS => "never settable",
             Role::State if variable.declaration.calculated => "never settable",
@@ -304,8 +310,25 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("'{name}' is {what}, {when}; the instance is in {mode}")))
     }
 
+    /// The value references of the present elements of a variable. An unknown reference is passed on; the functions
+    /// reject it.
+    pub(crate) fn elements_of(&self, reference: u32, elements: &mut Vec<u32>) {
+        match self.layout().sized_array(reference) {
+            Some(array) => {
+                elements.extend(array.elements(&self.values.lengths).map(|position| reference + position as u32));
+            }
+            None => {
+                let length = self.description.lengths.get(reference as usize).map_or(1, |&length| length.max(1));
+                elements.extend((0..length).map(|i| reference.wrapping_add(i)));
+            }
+        }
+    }
+
     /// Updates the parameters after a fixed or tunable parameter has changed.
     pub(super) fn parameters_changed(&mut self) {
+        if !self.layout().structural.is_empty() {
+            self.resize();
+        }
         self.parameters = M::parameters(&self.values);
         self.derived_are_old = true;
         if self.is_before_start() {

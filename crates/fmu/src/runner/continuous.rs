@@ -23,7 +23,7 @@ use crate::number::Number as _;
 use crate::relation::{PROBE, Relational, indicator_of};
 use crate::scalar::{Dependencies, Scalar};
 use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
-use crate::store::{Counts, ValueStore, ValuesMut};
+use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Kind as Type, Layout, Role};
 use crate::variables::{Derived as _, Variables as _};
@@ -109,13 +109,13 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             [&layout.inputs, &layout.states].map(|block| block.reals().map(&real).collect::<Vec<_>>());
         let at = Counts { reals: 0, ..layout.inputs.at };
         let inputs = &M::Inputs::read(others.with_reals(&inputs), at);
-        let state = &M::State::from_reals(&states);
+        let state = &M::State::read(Values::of_states(&states, &others.lengths), Counts::ZERO);
         let at = At { time, state, inputs, derived, discrete };
         let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
         let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
         let ValueStore { words, booleans, strings, binaries, .. } = others;
         let at = Counts { reals: 0, ..layout.outputs.at };
-        outputs.write(&mut ValuesMut { reals: &mut all, words, booleans, strings, binaries }, at);
+        outputs.write(&mut ValuesMut { reals: &mut all, words, booleans, strings, binaries, lengths: () }, at);
         derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
         all
     }
@@ -193,7 +193,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
         if is_stiff::<M>() {
             scratch.branches = branches(layout, values, &discrete);
-            Problem { model: p, inputs, derived }.trace(&discrete, &mut scratch);
+            Problem { model: p, inputs, derived, lengths: &values.lengths }.trace(&discrete, &mut scratch);
         }
         Ok(RunnerState { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
     }

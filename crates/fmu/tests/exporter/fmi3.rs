@@ -98,7 +98,7 @@ impl<E: Export> Instance<E> {
         this
     }
 
-    fn model_exchange() -> Self {
+    pub(crate) fn model_exchange() -> Self {
         // SAFETY: strings that end with a zero.
         Self::new(|arguments| unsafe { fmi3::instantiate_model_exchange::<E>(arguments) })
     }

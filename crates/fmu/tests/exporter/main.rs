@@ -23,6 +23,7 @@ mod models;
 mod numbers;
 mod one_version;
 mod resources;
+mod sizes;
 mod solvers;
 mod sources;
 mod stateful;

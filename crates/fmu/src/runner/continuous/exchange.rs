@@ -117,7 +117,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let (inputs, states) = known.split_at(layout.inputs.counts.reals);
         let at = Counts { reals: 0, ..layout.inputs.at };
         let inputs = &M::Inputs::read(values.with_reals(inputs), at);
-        let state = &M::State::read(Values::of_reals(states), Counts::ZERO);
+        let state = &M::State::read(Values::of_states(states, &values.lengths), Counts::ZERO);
         let at = At { time: Relational(time), state, inputs, derived, discrete };
         let first = if part == Part::Derivatives { 0 } else { *outputs };
         let equations = || match part {
@@ -125,7 +125,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             Part::Outputs => {
                 let position = Counts { reals: 0, ..layout.outputs.at };
                 let ValueStore { words, booleans, strings, binaries, .. } = others;
-                p.outputs(at).write(&mut ValuesMut { reals: unknown, words, booleans, strings, binaries }, position);
+                p.outputs(at).write(
+                    &mut ValuesMut { reals: unknown, words, booleans, strings, binaries, lengths: () },
+                    position,
+                );
             }
         };
         match sides {

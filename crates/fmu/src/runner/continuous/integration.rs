@@ -146,7 +146,7 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
         self.changed_by_inputs(time, &mut x)?;
         let mut has_advanced = false;
         loop {
-            let next = K::show(&x, |x| {
+            let next = K::show(&x, self.problem.lengths, |x| {
                 let at = self.problem.at(self.progress.reached, x, &self.run.discrete);
                 next_time_event(self.problem.model, at)
             })?;
@@ -223,7 +223,9 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
         if size_of::<M::Crossings>() == 0 {
             return Crossings(None);
         }
-        let crossings = K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.run.discrete)));
+        let crossings = K::show(x, self.problem.lengths, |x| {
+            self.problem.model.zero_crossings(self.problem.at(time, x, &self.run.discrete))
+        });
         Crossings(Some(crossings))
     }
 
@@ -322,9 +324,9 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
                  shorter steps"
             ));
         }
-        let Self { problem: Problem { model, inputs, derived }, run, .. } = self;
+        let Self { problem: Problem { model, inputs, derived, lengths }, run, .. } = self;
         let RunnerState { discrete, scratch, .. } = &mut **run;
-        K::change(x, |state| {
+        K::change(x, lengths, |state| {
             model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
         });
         scratch.forget_structure();
@@ -369,7 +371,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let u = M::Inputs::read(values.view(), layout.inputs.at);
         let before = K::load(values.view(), layout.states.at, &mut run.scratch);
         let mut x = K::load(values.view(), layout.states.at, &mut run.scratch);
-        let problem = Problem { model: p, inputs: &u, derived };
+        let problem = Problem { model: p, inputs: &u, derived, lengths: &values.lengths };
         let start = *progress;
         let mut integration = Integration::<M, K, PAUSES> {
             problem,

@@ -1,0 +1,73 @@
+//! Structural parameters: Configuration and Reconfiguration Mode of FMI 3.0.
+
+use super::{CallResult, Instance};
+use crate::calls::{Function, Interface, Mode};
+use crate::runner::Model;
+use crate::store::ValueStore;
+use crate::variable::{Layout, Role, SizedArray, Variable};
+
+/// Positions of the present states in memory; `None` if their number cannot change.
+pub(super) fn present_states(layout: &Layout, values: &ValueStore) -> Option<Vec<usize>> {
+    layout.sized.iter().find(|array| array.role == Role::State)?;
+    let states = layout.states.reals();
+    let (mut present, mut at) = (Vec::new(), states.start);
+    while at < states.end {
+        let array = layout.sized_array(at as u32);
+        match array {
+            Some(array) => present.extend(array.elements(&values.lengths).map(|position| at - states.start + position)),
+            None => present.push(at - states.start),
+        }
+        at += array.map_or(1, SizedArray::capacity);
+    }
+    Some(present)
+}
+
+impl<M: Model> Instance<M> {
+    /// fmi3EnterConfigurationMode. Fails if the FMU has no structural parameter; after the start, if none is tunable.
+    pub fn enter_configuration(&mut self) -> CallResult {
+        let function = Function::EnterConfigurationMode;
+        self.check(function)?;
+        let before_start = self.mode == Mode::Instantiated;
+        let details = |variable: &Variable| (variable.declaration.details.structural, variable.declaration.tunable);
+        let is_settable = |variable| matches!(details(variable), (true, is_tunable) if before_start || is_tunable);
+        if !self.layout().variables.iter().any(is_settable) {
+            let which = if before_start { "structural parameters" } else { "tunable structural parameters" };
+            return Err(self.error(function, format_args!("the FMU has no {which}")));
+        }
+        self.enter(if before_start { Mode::Configuration } else { Mode::Reconfiguration });
+        Ok(())
+    }
+
+    /// fmi3ExitConfigurationMode.
+    pub fn exit_configuration(&mut self) -> CallResult {
+        self.check(Function::ExitConfigurationMode)?;
+        self.enter(match (self.mode, self.protocol.interface) {
+            (Mode::Configuration, _) => Mode::Instantiated,
+            (_, Interface::CoSimulation) => Mode::Step,
+            (_, Interface::ModelExchange) => Mode::Event,
+            (_, Interface::ScheduledExecution) => Mode::ClockActivation,
+        });
+        Ok(())
+    }
+
+    /// Gives the arrays the lengths of the structural parameters. Elements keep their row and column; elements that the
+    /// arrays no longer have get their start values, which they have when the arrays grow again.
+    pub(super) fn resize(&mut self) {
+        let layout = &self.description.layout;
+        let before = self.values.lengths.clone();
+        self.values.update_lengths(layout);
+        if self.values.lengths == before {
+            return;
+        }
+        let starts = ValueStore::start(layout);
+        for array in &layout.sized {
+            let present: Vec<_> = array.elements(&self.values.lengths).collect();
+            for position in (0..array.capacity()).filter(|position| present.binary_search(position).is_err()) {
+                if let Some(element) = layout.by_reference(array.reference + position as u32) {
+                    self.values.copy(&starts, element);
+                }
+            }
+        }
+        self.present_states = present_states(layout, &self.values);
+    }
+}
