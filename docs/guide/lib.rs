@@ -16,6 +16,7 @@ pages! {
     models = "src/models.md",
     events = "src/events.md",
     clocks = "src/clocks.md",
+    sizes = "src/sizes.md",
     solvers = "src/solvers.md",
     resources = "src/resources.md",
     testing = "src/testing.md",
