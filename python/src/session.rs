@@ -45,7 +45,7 @@ impl Session {
         for (component, name) in inputs {
             let found = changed.components.iter().find(|other| other.name == component);
             let Some(found) = found else { return Err(error(format!("the run has no component `{component}`"))) };
-            let description = fmus.get(&found.fmu).map_err(error)?.description();
+            let description = fmus.get(found).map_err(error)?.description();
             let Some(variable) = description.variable(&name) else {
                 let known = description.variables.iter().map(|variable| variable.name.as_str());
                 let hint =

@@ -10,7 +10,7 @@ use fmu_system::master::{self, Recording};
 use fmu_system::parameter::{self, Settable};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, OtherFmu, file_of, resolve};
-use fmu_system::run::{Exact, Run, Simulation};
+use fmu_system::run::{Component, Exact, Run, Simulation};
 use fmu_system::worker::Pool;
 use numpy::{IntoPyArray as _, PyArray1};
 use pyo3::create_exception;
@@ -286,7 +286,9 @@ impl System {
     }
 
     fn settable(&self, component: &str, name: &str) -> Result<Settable, String> {
-        let describe = |fmu: &str| self.batch.fmus().get(fmu).map(Fmu::description).map_err(|error| error.to_string());
+        let describe = |component: &Component| {
+            self.batch.fmus().get(component).map(Fmu::description).map_err(|error| error.to_string())
+        };
         parameter::settable_of(&self.plan, describe, component, name)
     }
 
@@ -328,7 +330,7 @@ impl System {
     fn change(&self, (component, name, value): Changed) -> PyResult<Change> {
         let components = self.plan.runs.iter().flat_map(|run| &run.components);
         for found in components.filter(|other| other.name == component) {
-            let fmu = self.batch.fmus().get(&found.fmu).map_err(error)?;
+            let fmu = self.batch.fmus().get(found).map_err(error)?;
             if let Some(variable) = fmu.description().variable(&name) {
                 let mut value = value.of(variable).map_err(|message| error(format!("`{component}`: {message}")))?;
                 if let Value::String(text) = &mut value

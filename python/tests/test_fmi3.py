@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import math
 import os
 import zipfile
 from pathlib import Path
@@ -40,7 +41,7 @@ SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 DURATION = 2.0
 
 # FMI 2.0 does not have their types or clocks.
-ONLY_FMI3 = {"Clocks", "Feedthrough"}
+ONLY_FMI3 = {"Clocks", "Feedthrough", "StateSpace"}
 each_fmu = pytest.mark.parametrize("path", FMUS, ids=lambda path: path.stem)
 both = pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 
@@ -276,6 +277,7 @@ def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: P
         modelIdentifier=description.coSimulation.modelIdentifier,
     )
     fmu.instantiate()
+    sizes = {v.valueReference: math.prod(v.shape or (1,)) for v in description.modelVariables}
 
     def found(reference: int) -> set[int]:
         count = ctypes.c_size_t()
@@ -284,9 +286,10 @@ def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: P
         elements, on = (ctypes.c_size_t * n)(), (ctypes.c_uint * n)()
         of, kind = (ctypes.c_size_t * n)(), (ctypes.c_int * n)()
         fmu.fmi3GetVariableDependencies(fmu.component, reference, elements, on, of, kind, n)
-        assert set(elements) | set(of) <= {1}
+        assert all(1 <= element <= sizes[reference] for element in elements)
+        assert all(1 <= element <= sizes[other] for other, element in zip(on, of, strict=True))
         assert set(kind) <= {5}
-        assert len(set(on)) == n
+        assert len(set(zip(elements, on, of, strict=True))) == n
         return set(on)
 
     def compare(unknowns: list[Any]) -> None:
@@ -425,6 +428,61 @@ def test_the_scenario_of_the_guide_keeps_every_value(engine: str, tmp_path: Path
     for row in rows[1:]:
         assert row.split(",")[1:] == list(EXPECTED.values())
     assert len(rows) == 4
+
+
+def test_the_sizes_of_a_system_can_change(tmp_path: Path) -> None:
+    """x1' = x2 + 1, x2' = -x1 from 0: x = (sin t, cos t - 1); the step of 1 ms has an error below 1e-13 per second."""
+    path = FOLDER3 / "StateSpace.fmu"
+    description = fmpy.read_model_description(str(path))
+    of = {variable.name: variable.valueReference for variable in description.modelVariables}
+    fmu = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
+    fmu.instantiate()
+
+    def resize(size: int) -> None:
+        fmu.enterConfigurationMode()
+        fmu.setUInt64([of["m"], of["n"], of["r"]], [size] * 3)
+        fmu.exitConfigurationMode()
+
+    resize(2)
+    fmu.setFloat64([of["A"]], [0.0, 1.0, -1.0, 0.0])
+    fmu.setFloat64([of["D"], of["max_step"]], [0.0] * 4 + [0.001])
+    fmu.enterInitializationMode()
+    fmu.setFloat64([of["u"]], [1.0, 0.0])
+    fmu.exitInitializationMode()
+    fmu.doStep(0.0, 1.0)
+    assert np.allclose(fmu.getFloat64([of["y"]], 2), [math.sin(1.0), math.cos(1.0) - 1.0], rtol=0.0, atol=1e-12)
+    # In Reconfiguration Mode, the states keep their values. The third state grows by itself: x3' = x3 + 3 from 0.
+    resize(3)
+    assert np.allclose(fmu.getFloat64([of["x"]], 3), [math.sin(1.0), math.cos(1.0) - 1.0, 0.0], rtol=0.0, atol=1e-12)
+    fmu.doStep(1.0, 1.0)
+    expected = [math.sin(2.0), math.cos(2.0) - 1.0, 3.0 * (math.exp(1.0) - 1.0)]
+    assert np.allclose(fmu.getFloat64([of["x"]], 3), expected, rtol=0.0, atol=1e-12)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_the_sizes_of_the_guide_give_an_oscillator(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The reference is the closed form of the test above."""
+    guide = (validators.ROOT / "docs" / "guide" / "src" / "scenarios.md").read_text(encoding="utf-8")
+    (block,) = [block for block in guide.split("```") if block.startswith("toml\n") and 'fmu = "StateSpace"' in block]
+    scenario = tmp_path / "oscillator.toml"
+    scenario.write_text(HEAD + block.removeprefix("toml\n"), encoding="utf-8")
+    options = ("--fmus", FOLDER3, "--out", tmp_path, "--no-page")
+    assert chassis("run", scenario, *options)[0] == 0
+    rows = (tmp_path / "oscillator" / "runs" / "only.csv").read_text().splitlines()
+    assert rows[0] == "time,y[1],y[2]"
+    for row in rows[1:]:
+        time, *found = map(float, row.split(","))
+        assert np.allclose(found, [math.sin(time), math.cos(time) - 1.0], rtol=0.0, atol=1e-12)
+    assert chassis("run", scenario, *options, "--engine", "fmpy")[0] == 1
+    assert "`m` is a structural parameter;" in capfd.readouterr().err
+    scenario.write_text(scenario.read_text().replace("n = 2", "k = 2"), encoding="utf-8")
+    assert chassis("plan", scenario, "--fmus", FOLDER3)[0] == 1
+    assert "no structural parameter `k`" in capfd.readouterr().err
 
 
 def test_python_gets_the_exact_values(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ pub fn assess(
     let count = || add(&done);
     let of_fmus = runs.iter().flat_map(|run| &run.components);
     let descriptions: Described<'_> =
-        of_fmus.filter_map(|of| Some((&*of.fmu, fmus.get(&of.fmu).ok()?.description()))).collect();
+        of_fmus.filter_map(|of| Some((&*of.fmu, fmus.get(of).ok()?.description()))).collect();
     let steering = options.steering();
     let (vehicle, driver, found) = with_workers(settings, options.jobs, &fmus, &count, |execute| {
         let place = Place { execute, descriptions: &descriptions, systems: &systems, folder: folder.path(), options };

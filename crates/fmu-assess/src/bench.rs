@@ -101,7 +101,7 @@ impl Bench<'_> {
                 }
                 (Setting::Number(number), _) => Value::Real(*number),
             };
-            run.set_described(&|path| self.descriptions.get(path).copied(), component, name, value)
+            run.set_described(&|of| self.descriptions.get(of.fmu.as_str()).copied(), component, name, value)
                 .map_err(|error| error.to_string())
         };
         let number = Setting::Number;

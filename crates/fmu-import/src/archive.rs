@@ -1,6 +1,6 @@
 //! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 
-use crate::description::{FmiVersion, Interface, ModelDescription};
+use crate::description::{FmiVersion, Interface, ModelDescription, StructuralParameters};
 use crate::directory::{self, DirectoryError, Entry};
 use crate::signature::Signature;
 use crate::temporary::Folder;
@@ -178,8 +178,13 @@ impl<R: Read + Seek> Archive<R> {
 
     /// Reads and parses `modelDescription.xml`. Fails like [`Self::description_text`] and [`ModelDescription::parse`].
     pub fn description(&mut self) -> Result<ModelDescription, ArchiveError> {
+        self.description_with(&StructuralParameters::new())
+    }
+
+    /// Like [`Self::description`], with values of structural parameters, see [`ModelDescription::parse_with`].
+    pub fn description_with(&mut self, structure: &StructuralParameters) -> Result<ModelDescription, ArchiveError> {
         let text = self.description_text()?;
-        ModelDescription::parse(&text)
+        ModelDescription::parse_with(&text, structure)
             .map_err(|cause| ArchiveError::new(&self.path, format!("modelDescription.xml: {cause}")))
     }
 

@@ -13,7 +13,7 @@ use crate::c_api::Reference;
 pub use crate::xml::XmlError;
 pub use elements::ArrayElement;
 pub use interface::{Capabilities, FmiVersion, Interface};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
@@ -71,6 +71,8 @@ pub struct ModelDescription {
     pub initial_unknowns: Vec<Unknown>,
     /// Event indicators in the model structure (FMI 3.0).
     pub event_indicators: Vec<Unknown>,
+    /// Values of structural parameters that replace their start values, see [`Self::parse_with`].
+    pub structure: StructuralParameters,
     /// Number of event indicators, including array elements.
     pub number_of_event_indicators: usize,
     by_name: HashMap<String, usize>,
@@ -345,6 +347,9 @@ impl std::fmt::Display for Value {
         }
     }
 }
+
+/// Values of structural parameters by name: whole numbers or Booleans.
+pub type StructuralParameters = BTreeMap<String, Value>;
 
 /// A variable: a scalar, or an array (FMI 3.0).
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! An FMU ready for use: description and binary.
 
 use crate::archive::{Archive, ArchiveError, Unpacked};
-use crate::description::{Interface, ModelDescription};
+use crate::description::{Interface, ModelDescription, StructuralParameters};
 use crate::loader::{CallError, Instance, Library, LoadError};
 use crate::signature::Signature;
 use std::path::{Path, PathBuf};
@@ -34,6 +34,8 @@ pub enum FmuError {
 pub struct Binary {
     /// The `.fmu` file.
     pub fmu: PathBuf,
+    /// Structural parameters of its instances.
+    pub structure: StructuralParameters,
     guid: String,
     only_once: bool,
     library: PathBuf,
@@ -46,6 +48,7 @@ impl Binary {
     pub fn of_host(fmu: PathBuf, description: &ModelDescription, library: PathBuf, interface: Interface) -> Self {
         Self {
             fmu,
+            structure: description.structure.clone(),
             guid: description.guid.clone(),
             only_once: false,
             library,
@@ -110,21 +113,27 @@ impl Fmu {
 
     /// Like [`Self::unpack`], for a master that connects scalars: array elements are variables of the description, see
     /// [`ModelDescription::with_elements`].
-    pub fn unpack_by_element(path: impl AsRef<Path>) -> Result<Self, FmuError> {
-        let Self(inner) = Self::unpack(path)?;
+    /// The instances have these values of structural parameters.
+    pub fn unpack_by_element(path: impl AsRef<Path>, structure: &StructuralParameters) -> Result<Self, FmuError> {
+        let Self(inner) = Self::unpack_with(path.as_ref(), Interface::CoSimulation, structure)?;
         let Inner { description, binary, unpacked, .. } = &*inner;
         let (description, binary) = (description.clone().with_elements(), binary.clone());
         Ok(Self(Arc::new(Inner { description, binary, unpacked: Arc::clone(unpacked), library: OnceLock::new() })))
     }
 
     fn unpack_for(path: &Path, interface: Interface) -> Result<Self, FmuError> {
+        Self::unpack_with(path, interface, &StructuralParameters::new())
+    }
+
+    fn unpack_with(path: &Path, interface: Interface, structure: &StructuralParameters) -> Result<Self, FmuError> {
         let mut archive = Archive::open(path)?;
-        let description = archive.description()?;
+        let description = archive.description_with(structure)?;
         let unpacked = Arc::new(archive.unpack(&description, interface)?);
         let capabilities = description.interface(interface);
         let only_once = capabilities.is_some_and(|unit| unit.can_be_instantiated_only_once_per_process);
         let binary = Binary {
             fmu: path.to_path_buf(),
+            structure: structure.clone(),
             guid: description.guid.clone(),
             only_once,
             library: unpacked.binary.clone(),

@@ -24,6 +24,7 @@ mod special;
 mod states;
 mod status;
 mod strings;
+mod structure;
 #[cfg_attr(target_family = "wasm", path = "loader/system/wasm.rs")]
 mod system;
 mod values;

@@ -28,6 +28,8 @@ pub(crate) struct Signature {
     /// True if the FMU has clocks in co-simulation.
     pub(crate) has_clocks: bool,
     pub(crate) clocked: Vec<Clocked>,
+    /// Structural parameters that are set after instantiation.
+    pub(crate) structure: Vec<(Reference, Value)>,
 }
 
 /// An input clock that the loader activates.
@@ -119,7 +121,12 @@ impl Signature {
             is_input: variable.causality == Causality::Input,
             clocks: variable.clocks.clone(),
         });
+        let structure = description.structure.iter();
+        let structure = structure
+            .filter_map(|(name, value)| Some((description.variable(name)?.reference, value.clone())))
+            .collect();
         Self {
+            structure,
             clocks,
             output_clocks,
             has_clocks: is_co_simulation && !description.clocks.is_empty(),

@@ -11,7 +11,7 @@ use fmu_assess::{SetupError, Subject, vehicle::VehicleFile};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, ResolveError, resolve_text};
-use fmu_system::run::{Run, Simulation};
+use fmu_system::run::{Component, Run, Simulation};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -197,7 +197,7 @@ fn set(prepared: &mut Prepared, fmus: &Fmus, id: &str, value: f64) -> Result<(),
         if !matches!(variable.causality, Causality::Parameter | Causality::Input) {
             continue;
         }
-        let describe = |path: &str| fmus.descriptions.get(name_of(path)).map(|description| &**description);
+        let describe = |of: &Component| fmus.descriptions.get(name_of(&of.fmu)).map(|description| &**description);
         let set = prepared.run.set_described(&describe, component, &name, converted(variable, value));
         set.map_err(Failure::new)?;
     }

@@ -392,7 +392,7 @@ fn parameter_set(study: &Study, values: &[f64]) -> String {
         .runs
         .iter()
         .flat_map(|run| &run.components)
-        .filter_map(|component| simulation.fmus.get(&component.fmu).ok())
+        .filter_map(|component| simulation.fmus.get(component).ok())
         .flat_map(|fmu| &fmu.description().units)
         .cloned()
         .collect();

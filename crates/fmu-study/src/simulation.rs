@@ -139,7 +139,7 @@ impl Simulation {
         let of = |run: &Run| {
             let component = run.components.iter().find(|u| u.name == component)?;
             let set = component.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone());
-            let start = || self.fmus.get(&component.fmu).ok()?.description().variable(name)?.start.clone();
+            let start = || self.fmus.get(component).ok()?.description().variable(name)?.start.clone();
             match set.or_else(start)? {
                 Value::Real(value) => Some(value),
                 _ => None,

@@ -149,6 +149,11 @@ impl System {
         let mut components = Vec::new();
         for planned in &run.components {
             let description = describe(&planned.fmu)?;
+            if !planned.structure.is_empty() {
+                let reason =
+                    "structural parameters, which neither SSP nor OSP structures can set before the sizes of arrays";
+                return Err(ExportError::Unsupported(format!("`{}` has {reason}", planned.name)));
+            }
             let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
                 name: planned.name.clone(),

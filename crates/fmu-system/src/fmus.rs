@@ -1,11 +1,10 @@
 //! The FMUs of a system.
 
 use crate::run::{Component, Run};
-use fmu_import::archive::read_description;
+use fmu_import::archive::Archive;
 use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
 use fmu_import::loader::{CallError, Instance};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Error while loading or using the FMUs of a system.
@@ -64,13 +63,14 @@ pub trait Instances {
 
     /// Returns the description of the FMU of a component.
     fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
-        Ok(read_description(Path::new(&component.fmu)).map_err(FmuError::from)?)
+        let archive = Archive::open(Path::new(&component.fmu));
+        Ok(archive.and_then(|mut archive| archive.description_with(&component.structure)).map_err(FmuError::from)?)
     }
 }
 
 /// The FMUs of a plan, each opened once.
 #[derive(Debug, Clone, Default)]
-pub struct Fmus(BTreeMap<String, Fmu>);
+pub struct Fmus(Vec<Fmu>);
 
 impl Fmus {
     /// Opens all FMUs of these runs.
@@ -95,12 +95,12 @@ impl Fmus {
 
     /// Opens the FMUs of these components, as [`Self::unpack`] does.
     pub(crate) fn of_components<'a>(components: impl IntoIterator<Item = &'a Component>) -> Result<Self, FmusError> {
-        let mut fmus = BTreeMap::new();
+        let mut fmus = Self::default();
         for component in components {
-            if fmus.contains_key(&component.fmu) {
+            if fmus.get(component).is_ok() {
                 continue;
             }
-            let fmu = Fmu::unpack_by_element(&component.fmu)?;
+            let fmu = Fmu::unpack_by_element(&component.fmu, &component.structure)?;
             if fmu.description().guid != component.guid {
                 return Err(FmusError::Changed {
                     path: fmu.path().to_path_buf(),
@@ -108,23 +108,25 @@ impl Fmus {
                     expected: component.guid.clone(),
                 });
             }
-            fmus.insert(component.fmu.clone(), fmu);
+            fmus.0.push(fmu);
         }
-        Ok(Self(fmus))
+        Ok(fmus)
     }
 
-    /// Returns the FMU with this path, as written in the plan.
-    pub fn get(&self, path: &str) -> Result<&Fmu, FmusError> {
-        self.0.get(path).ok_or_else(|| FmusError::NotLoaded(path.to_string()))
+    /// Returns the FMU of a component, with its structural parameters.
+    pub fn get(&self, component: &Component) -> Result<&Fmu, FmusError> {
+        let Component { fmu, structure, .. } = component;
+        let is_found = |found: &&Fmu| found.path() == Path::new(fmu) && found.description().structure == *structure;
+        self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(fmu.clone()))
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Fmu> {
-        self.0.values()
+        self.0.iter()
     }
 }
 
 impl Instances for Fmus {
     fn of(&self, component: &Component) -> Result<Instance, FmusError> {
-        Ok(self.get(&component.fmu)?.instantiate(&component.name)?)
+        Ok(self.get(component)?.instantiate(&component.name)?)
     }
 }

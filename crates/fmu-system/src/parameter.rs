@@ -16,7 +16,7 @@ impl Run {
     /// The run has no such component, its FMU has no such parameter, or the value has another type or is outside the
     /// limits.
     pub fn set_parameter(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
-        let describe = |fmu: &str| fmus.get(fmu).ok().map(Fmu::description);
+        let describe = |component: &Component| fmus.get(component).ok().map(Fmu::description);
         self.set(&describe, component, value, |description| parameter(description, name).map_err(|error| error.message))
     }
 
@@ -26,13 +26,13 @@ impl Run {
     /// The run has no such component, its FMU has no such variable, the variable cannot be set, or the value has
     /// another type or is outside the limits.
     pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), String> {
-        self.set_described(&|fmu| fmus.get(fmu).ok().map(Fmu::description), component, name, value)
+        self.set_described(&|component| fmus.get(component).ok().map(Fmu::description), component, name, value)
     }
 
-    /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by its path.
+    /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns the description of a component.
     pub fn set_described<'d>(
         &mut self,
-        describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
+        describe: &dyn Fn(&Component) -> Option<&'d ModelDescription>,
         component: &str,
         name: &str,
         value: Value,
@@ -42,13 +42,13 @@ impl Run {
 
     fn set<'d>(
         &mut self,
-        describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
+        describe: &dyn Fn(&Component) -> Option<&'d ModelDescription>,
         component: &str,
         value: Value,
         of: impl Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
     ) -> Result<(), String> {
         let target = self.components.iter_mut().find(|u| u.name == component).ok_or_else(|| no_component(component))?;
-        let description = describe(&target.fmu).ok_or_else(|| FmusError::NotLoaded(target.fmu.clone()).to_string())?;
+        let description = describe(target).ok_or_else(|| FmusError::NotLoaded(target.fmu.clone()).to_string())?;
         let set = of(description).and_then(|variable| {
             check(variable, &value)?;
             target.set(variable, value)
@@ -94,19 +94,19 @@ pub struct Settable {
 }
 
 /// Finds the parameter, variable with a start value, or input of a component, in the first run that has it. `describe`
-/// returns the description of an FMU by its path in the plan.
+/// returns the description of the FMU of a component.
 ///
 /// # Errors
 /// There is no such variable; the message suggests another name.
 pub fn settable_of<D: Deref<Target = ModelDescription>>(
     plan: &Plan,
-    describe: impl Fn(&str) -> Result<D, String>,
+    describe: impl Fn(&Component) -> Result<D, String>,
     component: &str,
     name: &str,
 ) -> Result<Settable, String> {
     let mut first = None;
     for found in plan.runs.iter().flat_map(|run| &run.components).filter(|other| other.name == component) {
-        let description = describe(&found.fmu)?;
+        let description = describe(found)?;
         match settable(&description, name) {
             Err(message) => first = first.or(Some(format!("`{component}`: {message}"))),
             Ok(variable) => {

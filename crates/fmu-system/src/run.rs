@@ -6,7 +6,7 @@
 
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, FmiVersion, Value, Variable};
+use fmu_import::description::{BaseType, FmiVersion, StructuralParameters, Value, Variable};
 use fmu_import::loader::Message;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -86,6 +86,9 @@ pub struct Component {
     pub model_identifier: String,
     /// GUID, or instantiation token of FMI 3.0.
     pub guid: String,
+    /// Structural parameters to set after instantiation (FMI 3.0).
+    #[serde(default, skip_serializing_if = "StructuralParameters::is_empty")]
+    pub structure: StructuralParameters,
     /// Parameters to set before initialization, sorted by name.
     pub parameters: Vec<Setting>,
     /// Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not

@@ -64,7 +64,7 @@ impl Trial {
 impl Variant {
     /// Names of the outputs that change with other values of a parameter; `None` if no trial succeeds.
     fn changed_by(&self, parameter: &str, simulation: &Simulation, fmus: &Fmus) -> Option<Vec<String>> {
-        let description = fmus.get(&self.component.fmu).ok()?.description();
+        let description = fmus.get(&self.component).ok()?.description();
         let variable = description.variable(parameter)?;
         let Some(at) = self.component.parameters.iter().position(|setting| setting.name == parameter) else {
             // The parameter is set only in another case or at another point.

@@ -98,7 +98,7 @@ fn an_overwritten_input_replaces_its_connection_in_both_orders() {
     for order in [Order::Sequential, Order::Jacobi] {
         let plan = plan(&folder, &Options { order: Some(order), ..Options::default() });
         let fmus = Fmus::load(&plan.runs).unwrap();
-        let description = fmus.get(&plan.runs[0].components[0].fmu).unwrap().description().clone();
+        let description = fmus.get(&plan.runs[0].components[0]).unwrap().description().clone();
         let mut session = new(&plan, &fmus);
         let wired = session.save().unwrap();
         let input = session.overwrite("position", description.variable("y").unwrap()).unwrap();

@@ -144,6 +144,10 @@ class FmpyInstance:
 
     def __init__(self, component: Component, folder: Path) -> None:
         is_new = component.fmi == "3.0"
+        if component.structure:
+            name = next(iter(component.structure))
+            text = f"`{name}` is a structural parameter; use the native master, this one cannot set it"
+            raise RunError(component.name, "loading", None, text)
         try:
             self._slave = (FMU3Slave if is_new else FMU2Slave)(
                 guid=component.guid,

@@ -181,6 +181,8 @@ class Component(_Part, frozen=True):
     # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
     # known yet. `None` for a component that starts as declared.
     steady: tuple[Setting, ...] | None = None
+    # Structural parameters to set after instantiation (FMI 3.0).
+    structure: dict[str, Value] | None = None
 
 
 # Interpolation of a signal from a file between its samples.

@@ -5,8 +5,8 @@ mod v2;
 mod v3;
 
 use super::{
-    BaseUnit, Capabilities, Causality, Clock, DefaultExperiment, DisplayUnit, FmiVersion, Item, ModelDescription, Unit,
-    Unknown, Variable,
+    BaseUnit, Capabilities, Causality, Clock, DefaultExperiment, DisplayUnit, FmiVersion, Item, ModelDescription,
+    StructuralParameters, Unit, Unknown, Variable,
 };
 use crate::terminal;
 use crate::xml::{self, Element, XmlError};
@@ -57,6 +57,12 @@ impl ModelDescription {
     /// declaration, excessive size or nesting), the FMI version is not supported, an attribute is missing or malformed,
     /// a type or variable does not exist, or a name occurs twice. The error contains line and column.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
+        Self::parse_with(text, &StructuralParameters::new())
+    }
+
+    /// Like [`Self::parse`], with values of structural parameters instead of their start values. Arrays then have other
+    /// sizes; those whose size may have changed have no start values. Names that are not structural parameters have no effect.
+    pub fn parse_with(text: &str, given: &StructuralParameters) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if root.name != "fmiModelDescription" {
             return Err(root
@@ -74,7 +80,7 @@ impl ModelDescription {
         }
         let (variables, structure) = match fmi {
             FmiVersion::V2 => v2::variables_and_structure(&root)?,
-            FmiVersion::V3 => v3::variables_and_structure(&root)?,
+            FmiVersion::V3 => v3::variables_and_structure(&root, given)?,
         };
         let text = |name| root.attribute(name).map(str::to_string);
         let experiment = root.child("DefaultExperiment");
@@ -111,6 +117,7 @@ impl ModelDescription {
             derivatives: structure.derivatives,
             initial_unknowns: structure.initial_unknowns,
             event_indicators: structure.event_indicators,
+            structure: given.clone(),
             number_of_event_indicators: structure.number_of_event_indicators,
             units,
             by_name: variables.list.iter().enumerate().map(|(i, variable)| (variable.name.clone(), i)).collect(),
@@ -364,6 +371,14 @@ mod tests {
         assert_eq!(inflow.elements(), elements);
         assert_eq!(inflow.starts, vec![Value::Real(0.25); 6], "one value for all elements");
         assert_eq!(d.variable("weights").unwrap().starts, [1, 2, 3].map(Value::Integer));
+        let given =
+            StructuralParameters::from([("n".to_string(), Value::Unsigned(2)), ("level".into(), Value::Real(9.0))]);
+        let resized = ModelDescription::parse_with(TANK, &given).unwrap();
+        let inflow = resized.variable("inflow").unwrap();
+        assert_eq!((inflow.lengths.as_slice(), inflow.size, inflow.starts.as_slice()), (&[2, 2][..], 4, &[][..]));
+        assert_eq!(resized.variable("n").unwrap().start, Some(Value::Unsigned(2)));
+        let same = |name: &str| resized.variable(name).unwrap().starts == d.variable(name).unwrap().starts;
+        assert!(same("weights") && same("level"), "not a structural parameter");
         let seed = d.variable("seed").unwrap();
         assert_eq!(seed.start, Some(Value::Unsigned(u64::MAX)));
         assert_eq!(d.variable("label").unwrap().start, Some(Value::String("a b".into())));

@@ -63,7 +63,7 @@ functions! {
     Some(Interface::CoSimulation) =>
         DoStep CancelStep GetRealStatus GetBooleanStatus
         InstantiateCoSimulation ["Instantiate" "InstantiateCoSimulation"]
-        EnterStepMode GetClock SetClock GetIntervalDecimal GetShiftDecimal
+        EnterConfigurationMode ExitConfigurationMode EnterStepMode GetClock SetClock GetIntervalDecimal GetShiftDecimal
         SetInputDerivatives ["SetRealInputDerivatives" "SetRealInputDerivatives"]
         GetOutputDerivatives ["GetRealOutputDerivatives" "GetOutputDerivatives"];
     Some(Interface::ModelExchange) =>

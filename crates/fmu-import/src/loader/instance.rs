@@ -157,7 +157,7 @@ impl Instance {
             return Err(failed(CallProblem::NoInstance, log.take()));
         }
         library.instances.fetch_add(1, Ordering::AcqRel);
-        Ok(Self {
+        let mut instance = Self {
             component,
             board,
             index,
@@ -177,7 +177,9 @@ impl Instance {
             log,
             _callbacks: callbacks,
             library: Arc::clone(library),
-        })
+        };
+        instance.configure()?;
+        Ok(instance)
     }
 
     /// Name given at instantiation.
@@ -389,7 +391,8 @@ impl Instance {
         self.whole = Whole::default();
         self.clocks = Clocks::of(self.signature());
         // SAFETY: live instance.
-        self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
+        self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })?;
+        self.configure()
     }
 
     /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards. Also fails if

@@ -103,8 +103,7 @@ pub(super) fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut 
             }
         }
         let of_component = runs.iter().flat_map(|run| &run.components).find(|u| u.name == component);
-        let variable =
-            of_component.and_then(|u| fmus.get(&u.fmu).ok()).and_then(|fmu| fmu.description().variable(name));
+        let variable = of_component.and_then(|u| fmus.get(u).ok()).and_then(|fmu| fmu.description().variable(name));
         parameters.push(Parameter {
             name: entry.name.get_ref().clone(),
             symbol: entry.symbol.as_ref().map(|s| s.get_ref().clone()),
@@ -122,7 +121,7 @@ fn parameter_help(run: &Run, fmus: &Fmus, component: &str, name: &str) -> (Optio
     let Some(found) = run.components.iter().find(|u| u.name == component) else {
         return (suggestion(component, run.components.iter().map(|u| u.name.as_str())), false);
     };
-    let Ok(fmu) = fmus.get(&found.fmu) else { return (None, false) };
+    let Ok(fmu) = fmus.get(found) else { return (None, false) };
     let description = fmu.description();
     if description.variable(name).is_some() {
         return (None, true);

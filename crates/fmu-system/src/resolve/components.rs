@@ -2,8 +2,10 @@
 
 use super::fmus::{Descriptions, Found};
 use super::system::{CaseComponent, Replaced, Resolver, System, context, replacement};
+use crate::scenario::Component;
 use crate::steady;
-use fmu_import::names::suggestion;
+use fmu_import::description::{Causality, StructuralParameters, Variable};
+use fmu_import::names::{any_of, suggestion};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -34,7 +36,9 @@ impl<'a> Resolver<'a> {
                     }
                     None => self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing),
                 };
-                let Some(found) = found else { continue };
+                let Some(found) = found.and_then(|found| self.with_structure(component, found, other.is_some())) else {
+                    continue;
+                };
                 if let Some(place) = component.steady()
                     && let Err(message) = steady::check(&found.description)
                 {
@@ -57,6 +61,30 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(None);
         self.report_missing_fmus(&missing, &of_cases, source);
         self.problems.is_empty().then_some(systems)
+    }
+
+    /// The FMU with the structural parameters of the component. Another FMU that a case names gets those that it has.
+    fn with_structure(&mut self, component: &Component, found: Found, is_other: bool) -> Option<Found> {
+        let mut structure = StructuralParameters::new();
+        for (name, written) in &component.structure {
+            let is_structural = |v: &&Variable| v.causality == Causality::StructuralParameter;
+            match found.description.variable(name).filter(is_structural) {
+                Some(variable) => {
+                    structure.insert(name.get_ref().clone(), self.value(&found.description, variable, written)?);
+                }
+                None if is_other => {}
+                None => {
+                    let known = found.description.variables.iter().filter(is_structural).map(|v| v.name.as_str());
+                    let known: Vec<&str> = known.collect();
+                    let help = suggestion(name, known.iter().copied())
+                        .or_else(|| (!known.is_empty()).then(|| format!("it has {}", any_of(&known))));
+                    let message = format!("{} has no structural parameter `{}`", found.path, name.get_ref());
+                    self.problems.add_with_help(name.span(), message, help);
+                    return None;
+                }
+            }
+        }
+        found.with_structure(&structure).map_err(|message| self.problems.add(component.fmu.span(), message)).ok()
     }
 
     /// Finds the FMU with this name, written at `span`; adds it to `missing` if it does not exist.

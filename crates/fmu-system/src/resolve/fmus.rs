@@ -1,11 +1,11 @@
 //! Sources of FMUs for the resolver.
 
-use fmu_import::archive::read_description;
-use fmu_import::description::{Causality, ModelDescription, Variable};
+use fmu_import::archive::{Archive, read_description};
+use fmu_import::description::{Causality, ModelDescription, StructuralParameters, Variable};
 use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// An FMU that was found.
@@ -15,6 +15,22 @@ pub struct Found {
     pub path: String,
     /// Its description.
     pub description: Arc<ModelDescription>,
+}
+
+impl Found {
+    /// The FMU with these structural parameters, see [`ModelDescription::parse_with`].
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub(crate) fn with_structure(self, structure: &StructuralParameters) -> Result<Self, String> {
+        if structure.is_empty() {
+            return Ok(self);
+        }
+        let archive = Archive::open(Path::new(&self.path));
+        let description = archive.and_then(|mut archive| archive.description_with(structure));
+        let description = description.map_err(|error| error.to_string())?.with_elements();
+        Ok(Self { description: Arc::new(description), ..self })
+    }
 }
 
 /// Source of FMUs for the resolver.

@@ -307,7 +307,7 @@ impl Resolver<'_> {
         constants
     }
 
-    fn value(
+    pub(super) fn value(
         &mut self,
         description: &ModelDescription,
         variable: &Variable,

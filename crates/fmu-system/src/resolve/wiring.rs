@@ -584,6 +584,7 @@ impl<'a> Resolver<'a> {
                         .as_ref()
                         .map_or(String::new(), |c| c.model_identifier.clone()),
                     guid: description.guid.clone(),
+                    structure: description.structure.clone(),
                     parameters: Vec::new(),
                     steady: member.component.steady().map(|_| Vec::new()),
                     constants,

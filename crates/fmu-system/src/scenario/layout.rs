@@ -142,6 +142,9 @@ pub(crate) struct Component {
     pub(crate) fmu: Spanned<String>,
     /// Path of a parameter set of `parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
+    /// Structural parameters by name (FMI 3.0), which set the sizes of arrays.
+    #[serde(default)]
+    pub(crate) structure: Values,
     /// Parameters and start values by name.
     #[serde(default)]
     pub(crate) parameters: Values,

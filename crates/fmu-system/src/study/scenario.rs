@@ -5,6 +5,7 @@ use crate::parameter::{Settable, settable_of};
 use crate::plan::Plan;
 use crate::problem::Collector;
 use crate::resolve::{Descriptions, Options, OtherFmu, ResolveError, resolve};
+use crate::run::Component;
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Value};
 use fmu_import::names::{any_of, suggestion};
@@ -139,10 +140,10 @@ impl Factor {
             Names::One(name) => std::slice::from_ref(name),
             Names::Several(names) => names,
         };
-        let describe = |fmu: &str| {
-            let name = Path::new(fmu).file_stem().unwrap_or_default().to_string_lossy();
+        let describe = |component: &Component| {
+            let name = Path::new(&component.fmu).file_stem().unwrap_or_default().to_string_lossy();
             let found = source.find(&name)?.ok_or_else(|| format!("there is no {name}.fmu in {}", source.place()))?;
-            Ok(found.description)
+            Ok(found.with_structure(&component.structure)?.description)
         };
         for name in names {
             let Some((component, of_component)) = name.split_once(':') else {

@@ -9,8 +9,7 @@ use crate::trial;
 use fmu_import::fmu::Binary;
 use fmu_import::loader::{Instance, Library, calls};
 use fmu_import::worker::{Replies, serve_requests};
-use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::cell::OnceCell;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -30,16 +29,15 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
     let failed = |message: String| Response::Failed { failure: Failure::new("", message), rows: None };
     match request {
         Request::Fmus(binaries) => {
-            libraries.binaries =
-                binaries.into_iter().map(|binary| (binary.fmu.to_string_lossy().into(), binary)).collect();
+            libraries.0 = binaries.into_iter().map(|binary| (binary, OnceCell::new())).collect();
             Ok(())
         }
         Request::Load => {
-            let loaded = libraries.binaries.keys().enumerate().try_for_each(|(index, fmu)| {
+            let loaded = libraries.0.iter().enumerate().try_for_each(|(index, entry)| {
                 if let Some(board) = calls::board() {
                     board.component(index);
                 }
-                libraries.get(fmu).map(drop)
+                load(entry).map(drop)
             });
             replies.send(&loaded.map_or_else(|error| failed(error.to_string()), |()| Response::Done), &[])
         }
@@ -83,26 +81,21 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
 
 /// Libraries, loaded on first use and kept.
 #[derive(Default)]
-struct Libraries {
-    binaries: BTreeMap<String, Binary>,
-    loaded: RefCell<BTreeMap<String, Arc<Library>>>,
-}
+struct Libraries(Vec<(Binary, OnceCell<Arc<Library>>)>);
 
-impl Libraries {
-    fn get(&self, fmu: &str) -> Result<(&Binary, Arc<Library>), FmusError> {
-        let binary = self.binaries.get(fmu).ok_or_else(|| FmusError::NotLoaded(fmu.to_string()))?;
-        if let Some(library) = self.loaded.borrow().get(fmu) {
-            return Ok((binary, Arc::clone(library)));
-        }
-        let library = binary.load_elsewhere()?;
-        self.loaded.borrow_mut().insert(fmu.to_string(), Arc::clone(&library));
-        Ok((binary, library))
+fn load((binary, library): &(Binary, OnceCell<Arc<Library>>)) -> Result<&Arc<Library>, FmusError> {
+    if let Some(library) = library.get() {
+        return Ok(library);
     }
+    let loaded = binary.load_elsewhere()?;
+    Ok(library.get_or_init(|| loaded))
 }
 
 impl Instances for Libraries {
     fn of(&self, component: &Component) -> Result<Instance, FmusError> {
-        let (binary, library) = self.get(&component.fmu)?;
-        Ok(binary.instantiate(&library, &component.name)?)
+        let Component { fmu, structure, .. } = component;
+        let is_found = |(binary, _): &&(Binary, _)| binary.fmu == Path::new(fmu) && binary.structure == *structure;
+        let entry = self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(fmu.clone()))?;
+        Ok(entry.0.instantiate(load(entry)?, &component.name)?)
     }
 }

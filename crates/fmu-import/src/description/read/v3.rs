@@ -8,7 +8,8 @@ use super::{
 use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 use crate::description::{
-    Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, Unknown, Value, Variable,
+    Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, StructuralParameters, Unknown,
+    Value, Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
@@ -16,13 +17,17 @@ use std::str::FromStr;
 
 const FMI: FmiVersion = FmiVersion::V3;
 
-pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
+pub(super) fn variables_and_structure(
+    root: &Element,
+    given: &StructuralParameters,
+) -> Result<(Variables, Structure), XmlError> {
     let mut types = Types::new();
     for element in root.child("TypeDefinitions").into_iter().flat_map(|list| &list.children) {
         let Some(data_type) = element.name.strip_suffix("Type").and_then(word) else { continue };
         types.insert(bounded(element, "name", MAX_NAME)?, Type::new(element, data_type)?);
     }
-    let mut reader = VariableReader { variables: Variables::default(), elements: Vec::new(), indices: HashMap::new() };
+    let mut reader =
+        VariableReader { variables: Variables::default(), elements: Vec::new(), indices: HashMap::new(), given };
     for element in root.child("ModelVariables").into_iter().flat_map(|list| &list.children) {
         if let Some(data_type) = word(&element.name) {
             reader.add(element, data_type, &types)?;
@@ -39,6 +44,8 @@ struct VariableReader<'a> {
     elements: Vec<&'a Element>,
     /// Indices of the variables by value reference; `None` for a Clock.
     indices: HashMap<Reference, Option<usize>>,
+    /// Values of structural parameters instead of their start values.
+    given: &'a StructuralParameters,
 }
 
 impl<'a> VariableReader<'a> {
@@ -131,6 +138,11 @@ impl<'a> VariableReader<'a> {
                 Dimension::Parameter(parameter) => self.length(element, *parameter),
             };
             let lengths = dimensions.iter().map(length).collect::<Result<Vec<_>, _>>()?;
+            let is_given = |dimension: &Dimension| match dimension {
+                Dimension::Fixed(_) => false,
+                Dimension::Parameter(parameter) => self.given.contains_key(&self.variables.list[*parameter].name),
+            };
+            let is_resized = dimensions.iter().any(is_given);
             let size = lengths.iter().fold(1_usize, |size, length| size.saturating_mul(*length));
             total = if dimensions.is_empty() { total } else { total.saturating_add(size) };
             if total > MAX_ELEMENTS {
@@ -139,7 +151,10 @@ impl<'a> VariableReader<'a> {
             }
             let variable = &mut self.variables.list[i];
             (variable.dimensions, variable.lengths, variable.size) = (dimensions, lengths, size);
-            if alias_of.is_none() {
+            let value = self.given.get(&variable.name);
+            if value.is_some() && variable.causality == Causality::StructuralParameter {
+                variable.start = value.cloned();
+            } else if alias_of.is_none() && !is_resized {
                 start_values(element, variable)?;
             }
         }
@@ -170,8 +185,10 @@ impl<'a> VariableReader<'a> {
     }
 
     fn length(&self, element: &Element, parameter: usize) -> Result<usize, XmlError> {
+        let given = self.given.get(&self.variables.list[parameter].name).and_then(Value::whole);
+        let given = given.and_then(|value| usize::try_from(value).ok());
         let written = self.elements[parameter].parsed("start", "a whole number from 0")?;
-        written.ok_or_else(|| {
+        given.or(written).ok_or_else(|| {
             let name = &self.variables.list[parameter].name;
             element.place.error(format!("the structural parameter `{name}` must have a start value"))
         })

@@ -6,12 +6,10 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 13] = [
+pub(super) const UNUSED: [&str; 11] = [
     "fmi3InstantiateScheduledExecution",
     "fmi3GetNumberOfVariableDependencies",
     "fmi3GetVariableDependencies",
-    "fmi3EnterConfigurationMode",
-    "fmi3ExitConfigurationMode",
     "fmi3GetIntervalFraction",
     "fmi3GetShiftFraction",
     "fmi3SetIntervalDecimal",
@@ -41,6 +39,8 @@ table! {
     }
     optional {
         set_debug_logging: v3::SetDebugLogging = "fmi3SetDebugLogging",
+        enter_configuration_mode: c_api::Transition = "fmi3EnterConfigurationMode",
+        exit_configuration_mode: c_api::Transition = "fmi3ExitConfigurationMode",
         get_float32: v3::Get<f32> = "fmi3GetFloat32",
         set_float32: v3::Set<f32> = "fmi3SetFloat32",
         get_int8: v3::Get<i8> = "fmi3GetInt8",
