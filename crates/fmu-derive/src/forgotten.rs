@@ -192,6 +192,7 @@ impl Kind {
             "fn zero_crossings(&self, at: At<'_, f64, Self>) -> Self::Crossings",
             "fn next_time_event(&self, at: At<'_, f64, Self>) -> Option<f64>",
             "fn on_event(&self, event: Event<'_, Self>)",
+            "fn is_finished(&self, discrete: &Self::DiscreteState) -> bool",
         ];
         const DISCRETE: &[&str] = &[
             "fn initial_state(&self, derived: &Self::Derived) -> Self::State",

@@ -178,6 +178,9 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             if has("next_time_event") {
                 add("HAS_TIME_EVENTS", quote! { const HAS_TIME_EVENTS: bool = true; });
             }
+            if has("is_finished") {
+                add("CAN_FINISH", quote! { const CAN_FINISH: bool = true; });
+            }
             if let Some(fields) = reads::of_equations(&declared) {
                 let list = quote!(::core::option::Option::Some(&[#(#fields),*]));
                 add(

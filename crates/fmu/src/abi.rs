@@ -163,7 +163,7 @@ struct Handle<E: Export> {
     log: Log,
     /// Snapshots that the importer holds. All other pointers to states are rejected.
     snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
-    /// True if a co-simulation step ends at the first event (FMI 3.0).
+    /// True if a co-simulation step may end at an event before its end (FMI 3.0).
     returns_early: bool,
     /// Data for intermediate updates, if the importer passed a callback (FMI 3.0).
     updates: Option<Box<updates::Updates>>,

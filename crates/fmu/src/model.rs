@@ -134,6 +134,8 @@ pub trait Continuous: Parameters {
     const SOLVER: Solver = Solver::RungeKutta;
     /// True if [`Self::next_time_event`] is implemented.
     const HAS_TIME_EVENTS: bool = false;
+    /// True if [`Self::is_finished`] is implemented.
+    const CAN_FINISH: bool = false;
     /// The fields of `self` that the equations read; `None` if the equations pass `self` to another function, which may
     /// read any field. [`Self::derived`], [`Self::load`] and [`Self::initialize`] do not count as equations.
     /// [`model`](macro@crate::model) sets this.
@@ -200,6 +202,11 @@ pub trait Continuous: Parameters {
     }
     /// Handles an event. May change the state and the discrete state.
     fn on_event(&self, _event: Event<'_, Self>) {}
+    /// Returns true if the simulation ends with this discrete state. Called after the events of a time; then the FMU
+    /// asks the importer to stop, and a step of co-simulation ends at this time.
+    fn is_finished(&self, _discrete: &Self::DiscreteState) -> bool {
+        false
+    }
 }
 
 /// Declares dependencies of the outputs of a source. Takes the name of an output, and the name of a parameter (in

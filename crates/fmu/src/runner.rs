@@ -153,6 +153,8 @@ pub trait Model: Sized + 'static {
     const HAS_ERROR_CONTROL: bool = false;
     /// True if a step can have events.
     const HAS_EVENTS: bool = false;
+    /// True if the model can end the simulation.
+    const CAN_FINISH: bool = false;
     /// Input clocks.
     const CLOCKS: &'static [InputClock] = &[];
     /// True if the model has clocks.
@@ -182,13 +184,17 @@ pub trait Model: Sized + 'static {
     fn initialize(_ctx: Context<'_, Self>, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Advances states or outputs, and the state of the run. Returns the time of the event that ended the step early,
+    /// Advances states or outputs, and the state of the run. Returns the time of the event at which the step stopped,
     /// if any. Fails, without changing `values`, if a number is not finite or the model rejects the step.
     fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String>;
     /// Takes one integrator step of a communication step, or a part of it up to an event. Returns the time of an event
     /// at which the communication step stops. After an error, the caller restores the values.
     fn step_to_update(_: Run<'_, Self>, _: Step, _parts: u64, _: &mut Progress) -> Result<Option<f64>, String> {
         unreachable!("only continuous-time models have intermediate updates")
+    }
+    /// Returns true if the model has ended the simulation.
+    fn is_finished(_: &Self::Parameters, _: &Self::RunnerState) -> bool {
+        false
     }
     /// Restores the discrete state from before the first event in the step.
     fn undo_events(_: &mut Self::RunnerState) {}

@@ -180,7 +180,8 @@ impl<M: Continuous> ContinuousSimulation<M> {
     }
 
     /// Advances the time by `step` in s, with constant inputs. Fails if a state is not finite, if the solver cannot
-    /// meet its tolerance, or if there are too many events.
+    /// meet its tolerance, or if there are too many events. Ends at the event with which the model ends the simulation;
+    /// further steps do not advance the time.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
@@ -193,9 +194,14 @@ impl<M: Continuous> ContinuousSimulation<M> {
                 "a step of {step} s needs {parts} integration steps; at most {MOST_PARTS} are possible"
             ));
         }
-        Runner::<M>::step(run, interval, parts as u64)?;
-        self.time += step;
+        self.time = Runner::<M>::step(run, interval, parts as u64)?.unwrap_or(time + step);
         Ok(())
+    }
+
+    /// Returns true if the model has ended the simulation ([`Continuous::is_finished`]).
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        M::CAN_FINISH && Runner::<M>::is_finished(&self.model, &self.run)
     }
 }
 

@@ -119,7 +119,7 @@ pub unsafe fn instantiate<E: Export>(
 pub struct EventInfo {
     /// Always false: one call to fmi2NewDiscreteStates handles all events at the present time.
     pub new_discrete_states_needed: Boolean,
-    /// Always false.
+    /// True if the model has ended the simulation.
     pub terminate_simulation: Boolean,
     /// Always false: nominal values are constant.
     pub nominals_of_continuous_states_changed: Boolean,
@@ -182,8 +182,13 @@ functions! {
         Err(call.error(NOT_SUPPORTED))
     }
 
+    /// fmi2DoStep: fmi2Discard if the model has ended the simulation in this step or before.
     fn do_step[DoStep](h, _, time: f64, step: f64, _no_set_before: Boolean) {
-        h.instance.do_step(argument(time), argument(step))
+        h.instance.do_step(argument(time), argument(step))?;
+        match h.instance.is_finished() {
+            true => Err(CallError::Discard(format!("the model ended the simulation at {} s", h.instance.time()))),
+            false => Ok(()),
+        }
     }
 
     /// fmi2CancelStep: always an error, because every step is complete when fmi2DoStep returns.
@@ -204,12 +209,12 @@ functions! {
     /// fmi2GetIntegerStatus: returns fmi2Discard, because the standard defines no status of this type.
     fn get_integer_status[GetIntegerStatus](_, call, kind: c_int, _value: *mut c_int) { call.no_status(kind) }
 
-    /// fmi2GetBooleanStatus: returns fmi2Terminated; the FMU never requests the end of the simulation.
-    fn get_boolean_status[GetBooleanStatus](_, call, kind: c_int, value: *mut Boolean) {
+    /// fmi2GetBooleanStatus: returns fmi2Terminated.
+    fn get_boolean_status[GetBooleanStatus](h, call, kind: c_int, value: *mut Boolean) {
         if kind != TERMINATED {
             return call.no_status(kind);
         }
-        *call.target("value", value)? = 0;
+        *call.target("value", value)? = h.instance.is_finished().into();
         Ok(())
     }
 
@@ -220,6 +225,7 @@ functions! {
         let info = call.target("eventInfo", info)?;
         let update = h.instance.new_discrete_states()?;
         *info = EventInfo {
+            terminate_simulation: h.instance.is_finished().into(),
             values_of_continuous_states_changed: update.states_changed.into(),
             next_event_time_defined: update.next_event_time.is_some().into(),
             next_event_time: update.next_event_time.unwrap_or(0.0),

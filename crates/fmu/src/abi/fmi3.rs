@@ -139,7 +139,7 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
     let request = Request { required, callback: update, environment: arguments.environment, can_return_early };
     let with_events = event_mode != 0;
     let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events, Some(request)) };
-    if with_events && early_return != 0 && !component.is_null() {
+    if early_return != 0 && !component.is_null() {
         // SAFETY: created above.
         unsafe { (*component.cast::<Handle<E>>()).returns_early = true };
     }
@@ -475,7 +475,7 @@ functions! {
         let next_defined = call.target("nextEventTimeDefined", next_defined)?;
         let next = call.target("nextEventTime", next)?;
         let update = h.instance.new_discrete_states()?;
-        (*needs_update, *terminate, *nominals) = (0, 0, 0);
+        (*needs_update, *terminate, *nominals) = (0, h.instance.is_finished().into(), 0);
         *states = update.states_changed.into();
         *next_defined = update.next_event_time.is_some().into();
         *next = update.next_event_time.unwrap_or(0.0);
@@ -548,6 +548,9 @@ functions! {
             *early = (has_event && h.instance.time() < time + step).into();
         } else {
             h.instance.do_step(time, step)?;
+        }
+        if h.instance.is_finished() {
+            (*event, *terminate) = (0, 1);
         }
         *last = h.instance.time();
         Ok(())

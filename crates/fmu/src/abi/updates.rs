@@ -144,7 +144,9 @@ pub(super) unsafe fn do_step<E: Export>(component: Component, time: f64, step: f
             }
             is_complete = paused.is_complete();
             if is_complete {
-                (*event, *early) = (paused.is_at_event().into(), paused.is_early().into());
+                *early = (paused.is_early() && updates.can_return_early).into();
+                *terminate = instance.is_finished().into();
+                *event = (paused.is_at_event() && *terminate == 0).into();
                 *last = instance.time();
                 return Ok(());
             }

@@ -12,9 +12,16 @@ impl<M: Model> Instance<M> {
         self.advance(time, step, false).map(drop)
     }
 
-    /// fmi3DoStep that ends at the first event. Returns true if there was one. Fails like [`Self::do_step`].
+    /// fmi3DoStep that may end early: at the first event, if the importer handles events, or at the event with which the
+    /// model has ended the simulation. Returns true if there was one. Fails like [`Self::do_step`].
     pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
-        self.advance(time, step, M::HAS_EVENTS)
+        self.advance(time, step, M::HAS_EVENTS && self.uses_event_mode)
+    }
+
+    /// Returns true if the model has ended the simulation.
+    #[inline]
+    pub fn is_finished(&self) -> bool {
+        M::CAN_FINISH && self.run.as_ref().is_some_and(|run| M::is_finished(&self.parameters, run))
     }
 
     #[inline]

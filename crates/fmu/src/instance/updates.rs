@@ -36,8 +36,8 @@ impl PausingStep {
 
 impl<M: Model> Instance<M> {
     /// fmi3DoStep with intermediate updates: begins the step. Rejects what [`Self::do_step`] rejects.
-    pub fn begin_step(&mut self, time: f64, step: f64, stops_at_events: bool, paused: &mut PausingStep) -> CallResult {
-        let (step, parts) = self.check_step(time, step, stops_at_events)?;
+    pub fn begin_step(&mut self, time: f64, step: f64, returns_early: bool, paused: &mut PausingStep) -> CallResult {
+        let (step, parts) = self.check_step(time, step, returns_early && self.uses_event_mode)?;
         paused.step = Some((step, parts));
         paused.progress = Progress::new(step);
         paused.at_event = false;

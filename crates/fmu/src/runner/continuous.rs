@@ -144,6 +144,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const HAS_EVENTS: bool = has_events::<M>();
+    const CAN_FINISH: bool = M::CAN_FINISH;
     const HAS_ERROR_CONTROL: bool = has_error_control(M::SOLVER);
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
@@ -295,6 +296,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let time = Dependencies::on(count);
             Self::unknowns(ctx, &run.discrete, &mut values.clone(), time, known)
         })
+    }
+
+    fn is_finished(p: &M, run: &Self::RunnerState) -> bool {
+        p.is_finished(&run.discrete)
     }
 
     fn undo_events(run: &mut Self::RunnerState) {

@@ -57,11 +57,12 @@ fn callbacks(messages: &Messages) -> Callbacks {
     }
 }
 
+const MODEL_EXCHANGE: c_int = 0;
 const CO_SIMULATION: c_int = 1;
 
 /// An instance with the name "unit" that is used through the C interface, and its messages.
-struct C<E: Export> {
-    component: Component,
+pub(crate) struct C<E: Export> {
+    pub(crate) component: Component,
     messages: Box<Messages>,
     export: PhantomData<E>,
 }
@@ -75,13 +76,17 @@ impl<E: Export> Drop for C<E> {
 
 impl<E: Export> C<E> {
     fn new(logging_on: bool) -> Self {
+        Self::of(CO_SIMULATION, logging_on)
+    }
+
+    fn of(interface: c_int, logging_on: bool) -> Self {
         let messages = Box::new(Messages::default());
         let guid = CString::new(E::description().guid.as_str()).unwrap();
         // SAFETY: all pointers live long enough.
         let component = unsafe {
             fmi2::instantiate::<E>(
                 c"unit".as_ptr(),
-                CO_SIMULATION,
+                interface,
                 guid.as_ptr(),
                 c"file:///nowhere".as_ptr(),
                 &callbacks(&messages),
@@ -94,8 +99,15 @@ impl<E: Export> C<E> {
     }
 
     /// An instance in Step Mode.
-    fn ready() -> Self {
+    pub(crate) fn ready() -> Self {
         let fmu = Self::new(false);
+        assert_eq!(fmu.initialize(), Status::Ok);
+        fmu
+    }
+
+    /// An instance for model exchange, in Event Mode.
+    pub(crate) fn exchange() -> Self {
+        let fmu = Self::of(MODEL_EXCHANGE, false);
         assert_eq!(fmu.initialize(), Status::Ok);
         fmu
     }
@@ -114,7 +126,7 @@ impl<E: Export> C<E> {
         unsafe { fmi2::set_real::<E>(self.component, &reference::<E>(name), 1, &value) }
     }
 
-    fn get(&self, name: &str) -> f64 {
+    pub(crate) fn get(&self, name: &str) -> f64 {
         let mut value = f64::NAN;
         // SAFETY: one reference, one value.
         let status = unsafe { fmi2::get_real::<E>(self.component, &reference::<E>(name), 1, &mut value) };
@@ -122,12 +134,12 @@ impl<E: Export> C<E> {
         value
     }
 
-    fn step(&self, time: f64, step: f64) -> Status {
+    pub(crate) fn step(&self, time: f64, step: f64) -> Status {
         // SAFETY: the component lives.
         unsafe { fmi2::do_step::<E>(self.component, time, step, 1) }
     }
 
-    fn save(&self) -> FmuState {
+    pub(crate) fn save(&self) -> FmuState {
         let mut state = null_mut();
         // SAFETY: the pointer is written to.
         assert_eq!(unsafe { fmi2::get_fmu_state::<E>(self.component, &mut state) }, Status::Ok);

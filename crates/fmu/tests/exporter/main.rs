@@ -14,6 +14,7 @@ mod description;
 mod events;
 mod exact;
 mod failures;
+mod finish;
 mod fmi3;
 mod independence;
 mod intermediate;

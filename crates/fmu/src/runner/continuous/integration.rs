@@ -159,7 +159,11 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
                 self.event(time, &mut x, &[], &[], true)?;
                 continue;
             }
-            if time >= end || (PAUSES && has_advanced) {
+            let is_finished = M::CAN_FINISH && self.problem.model.is_finished(&self.run.discrete);
+            if is_finished {
+                self.stopped = Some(time);
+            }
+            if is_finished || time >= end || (PAUSES && has_advanced) {
                 if PAUSES {
                     self.progress.time = time;
                 }
