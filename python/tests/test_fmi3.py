@@ -48,7 +48,7 @@ both = pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 
 def test_there_are_fmus_of_every_kind() -> None:
     kinds = {"RescueVehicle", "AllWheelSteering", "Driver", "BouncingBall", "AllTypes", "WrappedSimulation"} | ONLY_FMI3
-    kinds |= {"ReferenceBouncingBall"}
+    kinds |= ORIGINALS.keys()
     missing = kinds - {path.stem for path in FMUS}
     assert not missing, f"run `cargo fmu pack --fmi 3 {' '.join(sorted(missing))}`"
 
@@ -225,37 +225,121 @@ def test_every_type_passes_through_fmpy(tmp_path: Path) -> None:
     fmu.freeInstance()
 
 
-# BouncingBall in the Reference FMUs at 1258711: causality, variability, initial, unit, quantity, start, min, max.
-BALL: dict[str, tuple[str | None, ...]] = {
-    "h": ("output", "continuous", "exact", "m", "Position", "1", None, None),
-    "der(h)": ("local", "continuous", "calculated", "m/s", None, None, None, None),
-    "v": ("output", "continuous", "exact", "m/s", "Velocity", "0", None, None),
-    "der(v)": ("local", "continuous", "calculated", "m/s2", None, None, None, None),
-    "g": ("parameter", "fixed", "exact", "m/s2", "Acceleration", "-9.81", None, None),
-    "e": ("parameter", "tunable", "exact", None, None, "0.7", "0.5", "1"),
-    "v_min": ("local", "constant", "exact", "m/s", "Velocity", "0.1", None, None),
+# The Reference FMUs at 1258711: causality, variability, initial, unit, quantity, start, min, max.
+STATE = ("output", "continuous", "exact", None, None)
+DERIVATIVE = ("local", "continuous", "calculated", None, None, None, None, None)
+PARAMETER = ("parameter", "fixed", "exact", None, None, "1", None, None)
+ORIGINALS: dict[str, dict[str, tuple[str | None, ...]]] = {
+    "ReferenceBouncingBall": {
+        "h": ("output", "continuous", "exact", "m", "Position", "1", None, None),
+        "der(h)": ("local", "continuous", "calculated", "m/s", None, None, None, None),
+        "v": ("output", "continuous", "exact", "m/s", "Velocity", "0", None, None),
+        "der(v)": ("local", "continuous", "calculated", "m/s2", None, None, None, None),
+        "g": ("parameter", "fixed", "exact", "m/s2", "Acceleration", "-9.81", None, None),
+        "e": ("parameter", "tunable", "exact", None, None, "0.7", "0.5", "1"),
+        "v_min": ("local", "constant", "exact", "m/s", "Velocity", "0.1", None, None),
+    },
+    "Dahlquist": {"x": (*STATE, "1", None, None), "der(x)": DERIVATIVE, "k": PARAMETER},
+    "ReferenceVanDerPol": {
+        "x0": (*STATE, "2", None, None),
+        "der(x0)": DERIVATIVE,
+        "x1": (*STATE, "0", None, None),
+        "der(x1)": DERIVATIVE,
+        "mu": PARAMETER,
+    },
+    # The counter of the original can be set: it is exact, with the start value 1.
+    "Stair": {"counter": ("output", "discrete", "calculated", None, None, None, None, "10")},
+    "Resource": {"y": ("output", "discrete", "calculated", None, None, None, None, None)},
 }
 
 
-def test_the_bouncing_ball_is_declared_as_in_the_reference_fmus() -> None:
-    """The original has the quantities in types, also for the derivatives, and leaves out the default of `initial`."""
-    description = fmpy.read_model_description(str(FOLDER3 / "ReferenceBouncingBall.fmu"))
+@pytest.mark.parametrize("model", ORIGINALS)
+def test_variables_are_declared_as_in_the_reference_fmus(model: str) -> None:
+    """The originals have quantities in types, also for derivatives, and leave out defaults of the other attributes."""
+    description = fmpy.read_model_description(str(FOLDER3 / f"{model}.fmu"))
     # FMPy also lists each alias as a variable.
     of = {variable.name: variable for variable in description.modelVariables if variable.alias is None}
     # The solver's step, and the variables that every FMU of FMI 3.0 of this exporter has.
-    assert set(of) == set(BALL) | {"time", "max_step", "event_indicator[1]"}
+    assert set(of) - {"event_indicator[1]"} == set(ORIGINALS[model]) | {"time", "max_step"}
 
     def number(text: str | None) -> float | None:
         return None if text is None else float(text)
 
-    for name, expected in BALL.items():
+    for name, expected in ORIGINALS[model].items():
         variable = of[name]
         found = (variable.causality, variable.variability, variable.initial, variable.unit, variable.quantity)
         assert found == expected[:5], name
         limits = [number(text) for text in (variable.start, variable.min, variable.max)]
         assert limits == [number(text) for text in expected[5:]], name
-    (alias,) = of["h"].aliases
-    assert (alias.name, alias.description, alias.displayUnit) == ("h_ft", "Position in feet", "ft")
+    aliases = [(alias.name, alias.description, alias.displayUnit) for v in of.values() for alias in v.aliases]
+    assert aliases == ([("h_ft", "Position in feet", "ft")] if model == "ReferenceBouncingBall" else [])
+
+
+each_version = pytest.mark.parametrize("folder", [FOLDER3, FOLDER3.with_name("fmu2")], ids=["fmi3", "fmi2"])
+
+
+@each_version
+def test_dahlquist_decays_as_in_the_reference_fmus(folder: Path) -> None:
+    """References: exp(-t); 0.9^100, the last value of the published FMU, which uses Euler's method.
+
+    Tolerances: the error of the Runge-Kutta method, 0.1^4 t / 120 relative to x; rounding in 100 steps.
+    """
+    path = str(folder / "Dahlquist.fmu")
+    result = fmpy.simulate_fmu(path, step_size=0.1, output_interval=0.1)
+    assert len(result) == 101
+    assert result["x"] == pytest.approx(np.exp(-result["time"]), rel=1e-5, abs=0.0)
+    euler = fmpy.simulate_fmu(path, fmi_type="ModelExchange", solver="Euler", step_size=0.1, output_interval=0.1)
+    assert euler["x"][-1] == pytest.approx(0.9**100, rel=1e-13, abs=0.0)
+
+
+@each_version
+def test_van_der_pol_oscillates_as_in_the_reference_fmus(folder: Path) -> None:
+    """References: a solution with eight decimals; the last values of the published FMU, with nine.
+
+    Tolerances: half of the last decimal and, in co-simulation, the error of the Runge-Kutta method, 4.8e-8 at 20 s.
+    FMPy integrates model exchange by the method and step of the published FMU.
+    """
+    path = str(folder / "ReferenceVanDerPol.fmu")
+    result = fmpy.simulate_fmu(path, step_size=0.01, output_interval=0.01)
+    rows = result[[100, 500, 1000, 2000]]
+    assert list(rows["time"]) == pytest.approx([1.0, 5.0, 10.0, 20.0])
+    assert list(rows["x0"]) == pytest.approx([1.50814424, -0.83707745, -2.00834078, 2.00814976], rel=0.0, abs=6e-8)
+    assert list(rows["x1"]) == pytest.approx([-0.78021807, 1.30708894, 0.03290707, -0.04250888], rel=0.0, abs=6e-8)
+    euler = fmpy.simulate_fmu(path, fmi_type="ModelExchange", solver="Euler", step_size=0.01, output_interval=0.01)
+    assert list(euler[-1])[1:] == pytest.approx([2.014841886, 0.244194708], rel=0.0, abs=0.5e-9)
+
+
+@each_version
+@pytest.mark.parametrize("events", [False, True], ids=["steps", "Event Mode"])
+def test_the_stair_ends_the_simulation_at_9_s(folder: Path, events: bool) -> None:
+    """The published FMU: 1 at the start, one more at each second, the last of 46 rows at 9 s with 10.
+
+    With Event Mode, FMPy also records the value before each of the nine events, and after the end once more.
+    """
+    options = {"use_event_mode": events, "early_return_allowed": events}
+    result = fmpy.simulate_fmu(str(folder / "Stair.fmu"), step_size=0.2, output_interval=0.2, **options)
+    time, index = np.unique(result["time"][::-1].round(6), return_index=True)
+    last = result["counter"][::-1][index]
+    assert list(time) == pytest.approx([0.2 * row for row in range(46)])
+    assert list(last) == [1 + row // 5 for row in range(46)]
+    assert len(result) == (56 if events and folder == FOLDER3 else 46)
+
+
+@each_version
+def test_the_stair_ends_model_exchange_at_9_s(folder: Path) -> None:
+    """FMPy stops before it records the value after the last event."""
+    path = str(folder / "Stair.fmu")
+    result = fmpy.simulate_fmu(path, fmi_type="ModelExchange", step_size=0.2, output_interval=0.2)
+    assert result["time"][-1] == pytest.approx(9.0)
+    assert list(np.unique(result["counter"])) == list(range(1, 10))
+
+
+@each_version
+@both
+def test_the_resource_is_97(folder: Path, interface: str) -> None:
+    """The code of `a`, the first character of the file of the published FMU, too."""
+    result = fmpy.simulate_fmu(str(folder / "Resource.fmu"), fmi_type=interface, step_size=1.0)
+    assert list(result["y"]) == [97] * len(result)
 
 
 def test_an_alias_of_fmi_2_has_the_values_of_its_variable() -> None:
