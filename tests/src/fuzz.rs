@@ -138,6 +138,8 @@ struct Fuzzer<'a> {
     indicators: usize,
     /// True if the FMU has Event Mode in FMI 3.0 co-simulation.
     has_event_mode: bool,
+    /// 1 if the model can end the simulation.
+    can_finish: u8,
     /// Step size of the description in s.
     step: f64,
     slots: Vec<Slot<'a>>,
@@ -249,6 +251,7 @@ pub fn fuzz(
         states,
         indicators: fmu.description.number_of_event_indicators,
         has_event_mode: fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode),
+        can_finish: u8::from(fmu.name == "Stair"),
         step: fmu.description.default_experiment.step_size.unwrap_or(1e-3),
         slots: Vec::new(),
         bytes: Vec::new(),

@@ -130,7 +130,8 @@ impl Fuzzer<'_> {
         let [needed, terminate, nominals, _, defined] = update.flags;
         let is_right = !is_null
             && update.flags.iter().all(|flag| matches!(flag, 0 | 1))
-            && [needed, terminate, nominals] == [0; 3]
+            && [needed, nominals] == [0; 2]
+            && terminate <= self.can_finish.into()
             && update.next_event_time.is_finite()
             && update.next_event_time != MARK;
         ensure(is_right, || format!("{function} wrote {update:?}, null {is_null}"))?;

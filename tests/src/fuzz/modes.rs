@@ -197,10 +197,11 @@ impl Fuzzer<'_> {
         let returns_early = self.slots[at].events.mode_used && self.slots[at].events.early_return;
         let is_right = is_complete
             && flags.iter().all(|flag| *flag <= 1)
-            && terminate == 0
-            && early <= event
+            && terminate <= self.can_finish
+            && event + terminate <= 1
+            && early <= event + terminate
             && stays_within
-            && (early == 1 || is_whole)
+            && (early + terminate > 0 || is_whole)
             && (event == 0 || returns_early);
         ensure(is_right, || format!("fmi3DoStep of {time:e} by {step:e} wrote {flags:?} {last:e}"))
     }
