@@ -173,6 +173,21 @@ def lines_of_code(text: str, suffix: str) -> int:
     return sum(bool(line.strip()) for line in code.splitlines())
 
 
+def lines_in(sources: Iterable[Path]) -> int:
+    return sum(lines_of_code(path.read_text(encoding="utf-8"), path.suffix) for path in sources)
+
+
+def reference_fmus(checkout: Path) -> str:
+    """Return the table of the lines of each Reference FMU for FMI 3.0 that `examples/reference-fmus` rebuilds."""
+    lines = ["| model | this project | Reference-FMUs | ratio |", "|---|---|---|---|"]
+    for source in sorted((ROOT / "examples" / "reference-fmus").glob("*/src/lib.rs")):
+        model = "".join(word.capitalize() for word in source.parents[1].name.split("-"))
+        ours = lines_in([source])
+        theirs = lines_in(checkout / model / name for name in ("config.h", "model.c", "FMI3.xml"))
+        lines.append(f"| {model} | {ours} | {theirs} | {theirs / ours:.1f} |")
+    return "\n".join(lines)
+
+
 def findings(report: str) -> list[str]:
     """Return the errors and warnings in a report of `cargo fmu check`."""
     return [line.strip() for line in report.splitlines() if line.strip().startswith(("error: ", "warning: "))]
@@ -209,7 +224,7 @@ def table(rows: Iterable[Row]) -> str:
             f"{row.step / row.function:.2f}",
             f"{row.start:,.0f}",
             f"{row.fmu.path.stat().st_size:,}",
-            str(sum(lines_of_code(path.read_text(encoding="utf-8"), path.suffix) for path in row.fmu.sources)),
+            str(lines_in(row.fmu.sources)),
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
@@ -226,7 +241,11 @@ def main() -> None:
         "cargo-fmi is installed into its subfolder bin (default: target/tools)",
     )
     parser.add_argument("--only", nargs="+", choices=EXPORTERS, default=list(EXPORTERS), help="measure only these")
+    parser.add_argument("--lines", action="store_true", help="only count the lines of the Reference FMUs in --tools")
     options = parser.parse_args()
+    if options.lines:
+        print(reference_fmus(options.tools / "Reference-FMUs"))
+        return
     manifest = SOURCES / "Cargo.toml"
     run(["cargo", "build", "--release", "--locked", "--manifest-path", manifest, "--target-dir", ROOT / "target"])
     rows: list[Row] = []

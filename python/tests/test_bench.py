@@ -82,6 +82,20 @@ def test_comments_and_empty_lines_do_not_count(suffix: str, text: str, lines: in
     assert bench_exporters.lines_of_code(text, suffix) == lines
 
 
+def test_each_reference_fmu_of_the_examples_is_counted(tmp_path: Path) -> None:
+    sources = sorted((bench_exporters.ROOT / "examples" / "reference-fmus").glob("*/src/lib.rs"))
+    models = ["".join(word.capitalize() for word in source.parents[1].name.split("-")) for source in sources]
+    for model in models:
+        (tmp_path / model).mkdir()
+        for name in ("config.h", "model.c"):
+            (tmp_path / model / name).write_text("#define H 1\n\n// end\nint x;\n")
+        (tmp_path / model / "FMI3.xml").write_text("<a/>\n")
+    _, _, *rows = bench_exporters.reference_fmus(tmp_path).splitlines()
+    assert "Dahlquist" in models
+    assert [row.split(" | ")[0] for row in rows] == [f"| {model}" for model in models]
+    assert {row.split(" | ")[2] for row in rows} == {"5"}
+
+
 def test_first_error_is_the_reason() -> None:
     assert bench_exporters.reason("building\nerror: no linker\nerror: 1 error\n") == "error: no linker"
     assert bench_exporters.reason("one\n\ntwo\n\n") == "two"
