@@ -30,7 +30,7 @@ pub use updates::PausingStep;
 pub enum CallError {
     /// fmi2Error, with a message: what is wrong, where, and the rule.
     Error(String),
-    /// fmi2Discard: the requested information does not exist.
+    /// fmi2Discard: the requested information does not exist, or the model has ended the simulation.
     Discard(String),
 }
 
