@@ -69,15 +69,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let all: Vec<&Finding> = findings.iter().collect();
         outln!("{}: {}", path.display(), counted_all(&all));
         let topics = [(Topic::Simulation, "it simulates"), (Topic::Standard, "it follows the standard")]
-            .map(|(topic, title)| (title, all.iter().copied().filter(|f| f.topic == topic).collect::<Vec<_>>()));
-        for (title, findings) in &topics {
-            let holds = if findings.iter().any(|f| f.severity == Severity::Error) { "no" } else { "yes" };
+            .map(|(topic, title)| (topic, title, all.iter().copied().filter(|f| f.topic == topic).collect::<Vec<_>>()));
+        for (topic, title, findings) in &topics {
+            let holds = match findings.iter().any(|f| f.severity == Severity::Error) {
+                true => "no",
+                false if *topic == Topic::Simulation && checked.instances == 0 => "not tried",
+                false => "yes",
+            };
             outln!("  {title}: {holds} ({})", counted_all(findings));
         }
         if checked != Checked::default() {
             outln!("  {}", indented(&checked.to_string(), "  "));
         }
-        for finding in topics.iter().flat_map(|(_, findings)| findings) {
+        for finding in topics.iter().flat_map(|(.., findings)| findings) {
             outln!("  {finding}");
         }
         if findings.iter().any(|finding| arguments.fail_on.counts(finding)) {

@@ -318,14 +318,12 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     report(Event::Checked(checked.clone()));
     let interfaces = description.interfaces();
     if interfaces.is_empty() {
-        let subject = "CoSimulation and ModelExchange";
         let finding = if description.has_scheduled_execution {
-            Finding::warning(
-                subject,
-                "are missing: the binary was not tried, because scheduled execution is not supported",
-            )
+            let message = "is the only interface; it is not supported, so the binary was not tried";
+            Finding::warning("ScheduledExecution", message)
         } else {
-            Finding::error(subject, "are missing: the FMU must have one of these interfaces")
+            let message = "are missing: the FMU must have one of these interfaces";
+            Finding::error("CoSimulation and ModelExchange", message)
         };
         return report(Event::Found(finding.about(Topic::Simulation)));
     }
