@@ -129,7 +129,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
     ("fmi2SetRealInputDerivatives", ["ins", NEVER, NO, NO], |_, i, _| {
         i.set_input_derivatives(Some(&[]), 0, Some(&[]), Some(&[]))
     }),
-    ("fmi2GetRealOutputDerivatives", ["sft", NEVER, "sft", NEVER], |s, i, _| match s.raw.version() {
+    ("fmi2GetRealOutputDerivatives", ["sft", NEVER, "st", NEVER], |s, i, _| match s.raw.version() {
         FmiVersion::V2 => i.get_output_derivatives(Some(&[]), 0, Some(&[]), Some(&mut [])),
         FmiVersion::V3 => i.output_derivatives(&[], &[], &mut []),
     }),
@@ -146,7 +146,7 @@ const TABLE: &[(&str, [&str; 4], Call)] = &[
         i.number_of_dependencies(0, Some(&mut 0))
     }),
     ("fmi3GetVariableDependencies", [NO, NO, "inseft", "inect"], |_, i, _| i.dependencies(0, 0).0),
-    ("fmi3EnterConfigurationMode", [NO, NO, "ise", "ie"], |_, i, _| i.transition("fmi3EnterConfigurationMode")),
+    ("fmi3EnterConfigurationMode", [NO, NO, "is", "ie"], |_, i, _| i.transition("fmi3EnterConfigurationMode")),
     ("fmi3ExitConfigurationMode", [NO, NO, NEVER, NEVER], |_, i, _| i.transition("fmi3ExitConfigurationMode")),
 ];
 
