@@ -27,6 +27,8 @@ struct Partition {
     timing: TokenStream,
     /// True if the model can start the clock.
     is_timer: bool,
+    /// An expression of type `Option<u32>`.
+    priority: TokenStream,
 }
 
 /// `#[clock("name", key = value, flag, …)]`.
@@ -47,7 +49,7 @@ impl Keys {
         }
         while !input.is_empty() {
             let key: Ident = input.parse()?;
-            let known = ["interval", "interval_of", "shift", "changing", "countdown", "triggered"];
+            let known = ["interval", "interval_of", "shift", "changing", "countdown", "triggered", "priority"];
             if !known.iter().any(|known| key == known) {
                 let text = key.to_string();
                 let near = known.iter().find(|known| strsim::damerau_levenshtein(known, &text) <= 2);
@@ -82,6 +84,18 @@ impl Keys {
 
     fn value(&self, name: &str) -> Option<&Expr> {
         self.values.iter().find(|(key, _)| key == name).and_then(|(_, value)| value.as_ref())
+    }
+
+    /// The priority in scheduled execution, as an expression of type `Option<u32>`.
+    fn priority(&self) -> Result<TokenStream> {
+        match self.value("priority") {
+            None => Ok(quote!(::core::option::Option::None)),
+            Some(Expr::Lit(ExprLit { lit: Lit::Int(number), .. })) => {
+                let number = number.base10_parse::<u32>()?;
+                Ok(quote!(::core::option::Option::Some(#number)))
+            }
+            Some(other) => Err(Error::new_spanned(other, "a priority is a whole number from 0, as in `priority = 1`")),
+        }
     }
 
     /// The interval, as an expression of type `fmu::clocks::Interval`.
@@ -233,13 +247,14 @@ fn partition(mut method: ImplItemFn, root: &TokenStream) -> Result<Partition> {
     }
     let name = keys.name.as_ref().map_or_else(|| method.sig.ident.to_string(), LitStr::value);
     let (timing, is_timer) = keys.timing(method.sig.ident.span(), root)?;
-    Ok(Partition { method, name, description, timing, is_timer })
+    let priority = keys.priority()?;
+    Ok(Partition { method, name, description, timing, is_timer, priority })
 }
 
 fn implementation(partitions: &[Partition], model: &Type, root: &TokenStream) -> TokenStream {
     let methods = partitions.iter().map(|partition| &partition.method);
-    let clocks = partitions.iter().map(|Partition { name, description, timing, .. }| {
-        quote!(#root::InputClock { name: #name, description: #description, timing: #timing })
+    let clocks = partitions.iter().map(|Partition { name, description, timing, priority, .. }| {
+        quote!(#root::InputClock { name: #name, description: #description, timing: #timing, priority: #priority })
     });
     let calls = partitions.iter().enumerate().map(|(number, partition)| {
         let method = &partition.method.sig.ident;

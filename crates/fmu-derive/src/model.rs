@@ -495,7 +495,7 @@ impl<'a> Packed<'a> {
     fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
         let Self { guid, indicators, arrays, .. } = self;
         let has = |interface: &str| self.interfaces.contains(&interface);
-        let (co_simulation, model_exchange) = (has("cs"), has("me"));
+        let (co_simulation, model_exchange, scheduled_execution) = (has("cs"), has("me"), has("se"));
         let interfaces = self.interfaces.iter().map(|name| Ident::new(name, Span::call_site()));
         let (version, symbols) = match self.version {
             3 => (quote!(Fmi3), quote!(#root::c_interface_of_fmi3!(#model);)),
@@ -516,6 +516,7 @@ impl<'a> Packed<'a> {
                 interfaces: #root::calls::Interfaces {
                     co_simulation: #co_simulation,
                     model_exchange: #model_exchange,
+                    scheduled_execution: #scheduled_execution,
                 },
                 arrays: #arrays,
             };

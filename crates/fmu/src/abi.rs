@@ -7,7 +7,7 @@
 //! # Safety
 //! The caller must follow the rules of the C interface: a component must come from an instantiating function and not
 //! have been freed, arrays must have the length that is passed with them, strings must end with a zero, and one
-//! instance must not be used by two threads at a time.
+//! instance must not be used by two threads at a time, except in [scheduled execution](scheduled).
 #![allow(unsafe_code)]
 #![expect(clippy::missing_safety_doc, reason = "documented once, for the whole module")]
 
@@ -31,6 +31,7 @@ mod common;
 mod float_environment;
 pub mod fmi2;
 pub mod fmi3;
+mod scheduled;
 mod updates;
 mod values;
 
@@ -267,8 +268,9 @@ unsafe fn call<E: Export>(
     if handle.is_null() || !handle.is_aligned() {
         return Status::Error; // no logger to report to
     }
-    // SAFETY: the caller passes a component of `instantiate` that was not freed.
-    let handle = unsafe { &mut *handle };
+    // SAFETY: the caller passes a component of `instantiate` that was not freed. In scheduled execution, no other thread
+    // uses the handle until `_access` is dropped.
+    let (_access, handle) = unsafe { (scheduled::access::<E>(component), &mut *handle) };
     let call = Call(function, PhantomData);
     let callers = if handle.instance.may_compute(function) { float_environment::enter() } else { None };
     let result = catch_unwind(AssertUnwindSafe(|| {
@@ -319,14 +321,18 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 /// Returns the model description for the packer or, if the declarations contain an error, an exclamation mark followed
 /// by the error. The text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is
 /// a sum of 1 (co-simulation), 2 (model exchange), 4 (native arrays), 8 (return terminalsAndIcons.xml instead), 16
-/// (return the notes instead) and 32 (return the dependencies for the library instead), as in
-/// `fmu_import::loader::description_options`.
+/// (return the notes instead), 32 (return the dependencies for the library instead), 64 (scheduled execution) and 128
+/// (scheduled execution if all clocks have priorities), as in `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
         let has = |bit: c_int| options & bit != 0;
         let format = Format {
             version: if version == 3 { Version::Fmi3 } else { Version::Fmi2 },
-            interfaces: Interfaces { co_simulation: has(1), model_exchange: has(2) },
+            interfaces: Interfaces {
+                co_simulation: has(1),
+                model_exchange: has(2),
+                scheduled_execution: has(64) || (has(128) && E::Model::SCHEDULED_EXECUTION),
+            },
             arrays: has(4),
         };
         let text = match Description::try_of::<E::Model>(format, Path::new(E::Model::INFO.resources)) {

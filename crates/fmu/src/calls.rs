@@ -39,20 +39,22 @@ pub struct Interfaces {
     pub co_simulation: bool,
     /// True if it supports model exchange.
     pub model_exchange: bool,
+    /// True if it supports scheduled execution.
+    pub scheduled_execution: bool,
 }
 
 impl Interfaces {
     /// No interface.
-    pub const NONE: Self = Self { co_simulation: false, model_exchange: false };
-    /// Both interfaces.
-    pub const ALL: Self = Self { co_simulation: true, model_exchange: true };
+    pub const NONE: Self = Self { co_simulation: false, model_exchange: false, scheduled_execution: false };
+    /// All interfaces.
+    pub const ALL: Self = Self { co_simulation: true, model_exchange: true, scheduled_execution: true };
 
     /// Returns true if an interface is provided.
     pub const fn contains(self, interface: Interface) -> bool {
         match interface {
             Interface::CoSimulation => self.co_simulation,
             Interface::ModelExchange => self.model_exchange,
-            Interface::ScheduledExecution => false,
+            Interface::ScheduledExecution => self.scheduled_execution,
         }
     }
 }

@@ -135,6 +135,20 @@ pub struct InputClock {
     pub description: &'static str,
     /// When it ticks.
     pub timing: Timing,
+    /// Order of clocks that tick at the same time in scheduled execution; smaller numbers are first.
+    pub priority: Option<u32>,
+}
+
+/// Returns true if there are clocks, and all have a priority.
+pub(crate) const fn have_priorities(clocks: &[InputClock]) -> bool {
+    let mut at = 0;
+    while at < clocks.len() {
+        if clocks[at].priority.is_none() {
+            return false;
+        }
+        at += 1;
+    }
+    at > 0
 }
 
 /// A discrete-time model with clocks. [`model`](macro@crate::model) implements it.
@@ -306,6 +320,23 @@ impl Schedule {
                 passed
             }
         }
+    }
+
+    /// Scheduled execution: moves on to the tick after the one at `time`, which the importer has chosen. Fails if it is
+    /// not later than the last one.
+    pub(crate) fn activate(&mut self, clock: &InputClock, time: f64) -> Result<(), String> {
+        let is_first = self.count == 0;
+        if !(time > self.last || (is_first && time == self.last)) {
+            let rule = if is_first { "not be before the start at" } else { "be later than its last tick at" };
+            let (name, last) = (clock.name, self.last);
+            return Err(format!("activationTime of the clock '{name}' must {rule} {last} s, got {time} s"));
+        }
+        self.next = time;
+        let interval = self.advance(clock.timing, time);
+        // The interval of a periodic clock counts from the start, but the importer may activate it later.
+        (self.next, self.count) = (self.next.max(time), self.count.max(1));
+        (self.present, self.deviation) = ((time, interval), 0.0);
+        Ok(())
     }
 
     /// Takes over a new value of the parameter that is the interval of a periodic clock: it counts from the last tick.

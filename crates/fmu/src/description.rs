@@ -46,9 +46,9 @@ pub struct Format {
 }
 
 impl Format {
-    /// FMI 2.0 with both interfaces.
+    /// FMI 2.0 with all interfaces of the model.
     pub const FMI2: Self = Self { version: Version::Fmi2, interfaces: Interfaces::ALL, arrays: false };
-    /// FMI 3.0 with both interfaces.
+    /// FMI 3.0 with all interfaces of the model.
     pub const FMI3: Self = Self { version: Version::Fmi3, ..Self::FMI2 };
 }
 
@@ -92,7 +92,12 @@ impl Description {
     /// Like [`Self::of`], but returns an error instead of panicking. Also fails if the FMI version cannot express a
     /// variable.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
-        match inexpressible(&M::layout(), format) {
+        let is_scheduled = format.version == Version::Fmi3 && format.interfaces.scheduled_execution;
+        let mut unordered = M::CLOCKS.iter().filter(|clock| is_scheduled && clock.priority.is_none());
+        let without_priority = unordered.next().map(|InputClock { name, .. }| {
+            format!("scheduled execution needs the `priority` of every clock: add it to the clock '{name}'")
+        });
+        match without_priority.or_else(|| inexpressible(&M::layout(), format)) {
             Some(problem) => Err(format!("{}: {problem}", M::INFO.name)),
             None => Self::consistent::<M>(format, resources),
         }
@@ -101,13 +106,23 @@ impl Description {
     fn consistent<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         let mut layout = M::layout();
         let Format { version, interfaces, .. } = format;
-        let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
+        let is_scheduled = M::SCHEDULED_EXECUTION && version == Version::Fmi3;
+        let interfaces = Interfaces {
+            model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE,
+            scheduled_execution: interfaces.scheduled_execution && is_scheduled,
+            ..interfaces
+        };
         let format = Format { interfaces, ..format };
         let structure = match contradiction(&M::INFO, &layout, format).or_else(|| misplaced(M::KIND, &layout)) {
             Some(problem) => Err(problem),
             None if interfaces == Interfaces::NONE => {
-                let what = if M::HAS_CLOCKS { "a model with clocks" } else { "a stateful model" };
-                Err(format!("{what} has no model exchange; pack it with the interface cs"))
+                let (what, others) = match (M::HAS_CLOCKS, M::MODEL_EXCHANGE) {
+                    (true, _) if version == Version::Fmi2 => ("a model with clocks", "only co-simulation in FMI 2.0"),
+                    (true, _) => ("a model with clocks", "no model exchange"),
+                    (_, true) => ("a model without clocks", "no scheduled execution"),
+                    _ => ("a stateful model", "no model exchange"),
+                };
+                Err(format!("{what} has {others}; pack it with the interface cs"))
             }
             None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources, version),
             None => Ok(Structure::default()),
@@ -270,6 +285,9 @@ fn mistaken_clock(layout: &Layout) -> Option<String> {
         match variable.declaration.kind {
             Kind::Clock(None) if variable.role != Role::Output => {
                 Some(format!("'{name}' cannot be a `Clock`: an input clock is a method with `#[clock(triggered)]`"))
+            }
+            Kind::Clock(None) if layout.output_clocks.len() > 128 => {
+                Some(format!("a model can have at most 128 output clocks, got {}", layout.output_clocks.len()))
             }
             Kind::Clock(None) if clocks.is_empty() => {
                 Some(format!("the clock '{name}' cannot tick: no method of the model has the attribute `#[clock(…)]`"))
@@ -626,8 +644,13 @@ mod tests {
     fn mistakes_in_clocks_are_reported() {
         use crate::clocks::Span;
         const CLOCKS: &[InputClock] = &[
-            InputClock { name: "fast", description: "D", timing: Timing::Countdown(None) },
-            InputClock { name: "slow", description: "D", timing: Timing::Changing(Interval::Of("period")) },
+            InputClock { name: "fast", description: "D", timing: Timing::Countdown(None), priority: None },
+            InputClock {
+                name: "slow",
+                description: "D",
+                timing: Timing::Changing(Interval::Of("period")),
+                priority: None,
+            },
         ];
         let layout = |clocks, outputs, inputs, parameters| {
             Layout::new(Declarations { clocks, outputs, inputs, parameters, ..Declarations::default() })
@@ -661,12 +684,14 @@ mod tests {
             name: "zero",
             description: "D",
             timing: Timing::Periodic { interval: Interval::Constant(Span::Decimal(0.0)), shift: Span::Decimal(0.0) },
+            priority: None,
         }];
         assert_eq!(
             of(&layout(ZERO, none(), none(), none())),
             "the interval of the clock 'zero' must be above 0 s, got 0 s"
         );
-        const TRIGGERED: &[InputClock] = &[InputClock { name: "button", description: "D", timing: Timing::Triggered }];
+        const TRIGGERED: &[InputClock] =
+            &[InputClock { name: "button", description: "D", timing: Timing::Triggered, priority: None }];
         let triggered = layout(TRIGGERED, none(), none(), none());
         assert_eq!(
             inexpressible(&triggered, Format::FMI2).unwrap(),

@@ -16,7 +16,7 @@ pub use stateful::StatefulModel;
 
 use fmu_math::sparse::Structure;
 
-use crate::clocks::{InputClock, Schedule};
+use crate::clocks::{InputClock, Schedule, have_priorities};
 use crate::declare::Spec;
 use crate::definition::Definition;
 use crate::discrete_state::{DiscreteState, Word, Words};
@@ -159,6 +159,8 @@ pub trait Model: Sized + 'static {
     const CLOCKS: &'static [InputClock] = &[];
     /// True if the model has clocks.
     const HAS_CLOCKS: bool = !Self::CLOCKS.is_empty();
+    /// True if instances support scheduled execution.
+    const SCHEDULED_EXECUTION: bool = have_priorities(Self::CLOCKS);
     /// The parameters.
     type Parameters: Parameters;
     /// Derived parameters.
@@ -209,6 +211,16 @@ pub trait Model: Sized + 'static {
     /// The schedules of the input clocks.
     fn schedules(_: &mut Self::RunnerState) -> &mut [Schedule] {
         &mut []
+    }
+    /// Takes over the present values of the parameters that are intervals. Fails if one is not above 0.
+    fn update_intervals(_: Run<'_, Self>) -> Result<(), String> {
+        Ok(())
+    }
+    /// Scheduled execution: runs the part of an input clock at `time`. Returns true if an output clock has ticked or a
+    /// countdown clock was started. Fails, without changes, like [`Self::step`], or if the clock has ticked at this time
+    /// or a later one.
+    fn activate(_: Run<'_, Self>, _clock: usize, _time: f64) -> Result<bool, String> {
+        unreachable!("only models with clocks have scheduled execution")
     }
     /// If a clock that the importer activates is due before `end`, the end of a step of `step` s, returns the message.
     fn missed_tick(_: Run<'_, Self>, _end: f64, _step: f64) -> Option<String> {

@@ -7,7 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use super::c::{c_char, c_int, size_t};
 use super::float_environment::argument;
 use super::{
-    Component, Export, FmuState, Handle, Log, Status, call, float_environment, functions, text, updates, words,
+    Component, Export, FmuState, Handle, Log, Status, call, float_environment, functions, scheduled, text, updates,
+    words,
 };
 use crate::calls::{Function, Interface};
 use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
@@ -15,7 +16,12 @@ use crate::instance::Instance;
 use crate::runner::Model as _;
 
 pub(super) fn provides<E: Export>(interface: Interface) -> bool {
-    E::FORMAT.interfaces.contains(interface) && (E::Model::MODEL_EXCHANGE || interface == Interface::CoSimulation)
+    let has_model = match interface {
+        Interface::CoSimulation => true,
+        Interface::ModelExchange => E::Model::MODEL_EXCHANGE,
+        Interface::ScheduledExecution => scheduled::is_provided::<E>(),
+    };
+    has_model && E::FORMAT.interfaces.contains(interface)
 }
 
 /// Creates an instance, or logs the reason for the failure and returns a null pointer.
@@ -39,15 +45,14 @@ pub(super) unsafe fn create<E: Export>(
     float_environment::leave(callers);
     let message = match result {
         Ok(Ok(instance)) => {
-            return Box::into_raw(Box::new(Handle::<E> {
+            return scheduled::allocate(Handle::<E> {
                 instance,
                 log,
                 snapshots: HashSet::default(),
                 returns_early: false,
                 updates: None,
                 elements: Vec::new(),
-            }))
-            .cast();
+            });
         }
         Ok(Err(message)) => message,
         Err(panic) => format!("internal error: {}", words(&*panic)),
@@ -78,11 +83,13 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
             unsafe { &*handle }.log.write(Status::Error, LOG_ERROR, message);
             return;
         }
-        // SAFETY: made by Box::into_raw in `instantiate`, freed once.
-        let handle = unsafe { Box::from_raw(handle) };
+        // SAFETY: as above.
+        if unsafe { scheduled::rejects_free::<E>(component) } {
+            return;
+        }
         // A panic here cannot be reported: the logger is dropped, too.
         let callers = float_environment::enter();
-        let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
+        let _ = catch_unwind(AssertUnwindSafe(move || unsafe { scheduled::free::<E>(component) }));
         float_environment::leave(callers);
     }
 }

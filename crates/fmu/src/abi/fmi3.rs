@@ -12,6 +12,8 @@ pub use super::common::{
     serialized_fmu_state_size, set_continuous_states, set_debug_logging, set_fmu_state, set_time, terminate,
 };
 use super::float_environment::argument;
+use super::scheduled;
+pub use super::scheduled::{ClockUpdate, Preemption, activate_model_partition};
 use super::updates::{self, Request, Results};
 pub use super::updates::{IntermediateUpdate, get_output_derivatives};
 use super::values::{self, Binaries, List, check_count, elements};
@@ -146,10 +148,20 @@ pub unsafe fn instantiate_co_simulation<E: Export>(
     component
 }
 
-/// fmi3InstantiateScheduledExecution: always fails, because scheduled execution is not supported.
-pub unsafe fn instantiate_scheduled_execution<E: Export>(arguments: Arguments) -> Component {
-    let message = "this FMU does not provide scheduled execution";
-    unsafe { arguments.reject::<E>("fmi3InstantiateScheduledExecution", message) }
+/// fmi3InstantiateScheduledExecution. If the callbacks for preemption are given, they are called around each call.
+pub unsafe fn instantiate_scheduled_execution<E: Export>(
+    arguments: Arguments,
+    clock_update: Option<ClockUpdate>,
+    lock: Option<Preemption>,
+    unlock: Option<Preemption>,
+) -> Component {
+    const NAME: &str = "fmi3InstantiateScheduledExecution";
+    let component = unsafe { instantiate::<E>(NAME, arguments, Interface::ScheduledExecution, false, None) };
+    if !component.is_null() {
+        // SAFETY: created above.
+        unsafe { scheduled::share::<E>(component, clock_update, arguments.environment, lock, unlock) };
+    }
+    component
 }
 
 macro_rules! values {
@@ -272,6 +284,7 @@ pub unsafe fn get_clock<E: Export>(
             for (value, &reference) in values.iter_mut().zip(references) {
                 *value = instance.get_clock(reference)?.into();
             }
+            instance.ticks_are_known(references);
             Ok(())
         })
     }
@@ -562,7 +575,7 @@ functions! {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {
-    (@instantiate $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*) ($($last:ident: $last_type:ty),*) ($($unused:ident: $other:ty),*);)*) => {$(
+    (@instantiate $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*) ($($last:ident: $last_type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             name: *const c_char,
@@ -574,7 +587,6 @@ macro_rules! c_interface_of_fmi3 {
             environment: *mut c_void,
             logger: Option<Logger>
             $(, $last: $last_type)*
-            $(, $unused: $other)*
         ) -> Component {
             let arguments = Arguments { name, token, resources, logging_on, environment, logger };
             unsafe { $target::<$model>(arguments $(, $argument)* $(, $last)*) }
@@ -615,12 +627,6 @@ macro_rules! c_interface_of_fmi3 {
             unsafe { $target::<$model>(component, $crate::__private::calls::Function::$function, vr, n) }
         }
     )*};
-    (@not $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { not_provided::<$model>(component, $crate::__private::calls::Function::$function) }
-        }
-    )*};
     (@of $interface:ident $model:ty: $($name:ident $target:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
@@ -652,9 +658,9 @@ macro_rules! c_interface_of_fmi3 {
                 unsafe { free_instance::<$model>(component) }
             }
             $crate::c_interface_of_fmi3! { @instantiate $model:
-                fmi3InstantiateModelExchange instantiate_model_exchange () () ();
-                fmi3InstantiateCoSimulation instantiate_co_simulation (event_mode: Boolean, early_return: Boolean, intermediate: *const ValueReference, n_intermediate: size_t) (update: Option<IntermediateUpdate>) ();
-                fmi3InstantiateScheduledExecution instantiate_scheduled_execution () () (_clock_update: *const c_void, _lock: *const c_void, _unlock: *const c_void);
+                fmi3InstantiateModelExchange instantiate_model_exchange () ();
+                fmi3InstantiateCoSimulation instantiate_co_simulation (event_mode: Boolean, early_return: Boolean, intermediate: *const ValueReference, n_intermediate: size_t) (update: Option<IntermediateUpdate>);
+                fmi3InstantiateScheduledExecution instantiate_scheduled_execution () (update: Option<ClockUpdate>, lock: Option<Preemption>, unlock: Option<Preemption>);
             }
             $crate::c_functions! { $model:
                 fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
@@ -674,6 +680,7 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3EnterStepMode enter_step_mode ();
                 fmi3EnterConfigurationMode enter_configuration_mode ();
                 fmi3ExitConfigurationMode exit_configuration_mode ();
+                fmi3ActivateModelPartition activate_model_partition (clock: ValueReference, time: f64);
                 fmi3GetNumberOfVariableDependencies get_number_of_variable_dependencies (vr: ValueReference, n: *mut size_t);
                 fmi3GetVariableDependencies get_variable_dependencies (dependent: ValueReference, elements: *mut size_t, independents: *mut ValueReference, their_elements: *mut size_t, kinds: *mut c_int, n: size_t);
                 fmi3GetDirectionalDerivative get_derivative GetDirectionalDerivative (unknowns: *const ValueReference, n_unknowns: size_t, knowns: *const ValueReference, n_knowns: size_t, seed: *const f64, n_seed: size_t, result: *mut f64, n_result: size_t);
@@ -710,9 +717,6 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3SetIntervalFraction SetIntervalFraction (_counters: *const u64, _resolutions: *const u64);
                 fmi3SetShiftDecimal SetShiftDecimal (_shifts: *const f64);
                 fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
-            }
-            $crate::c_interface_of_fmi3! { @not $model:
-                fmi3ActivateModelPartition ActivateModelPartition (_clock: ValueReference, _time: f64);
             }
             $crate::c_interface_of_fmi3! { @of co_simulation $model:
                 fmi3DoStep do_step DoStep (time: f64, step: f64, no_set_before: Boolean, event: *mut Boolean, terminate: *mut Boolean, early: *mut Boolean, last: *mut f64);

@@ -20,10 +20,12 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
     let info = &M::INFO;
     document("fmiModelDescription", &facts("3.0", "instantiationToken", info, layout), |xml| {
         let interfaces = format.interfaces;
-        for (_, name) in [(interfaces.model_exchange, "ModelExchange"), (interfaces.co_simulation, "CoSimulation")]
-            .into_iter()
-            .filter(|(is_provided, _)| *is_provided)
-        {
+        let all = [
+            (interfaces.model_exchange, "ModelExchange"),
+            (interfaces.co_simulation, "CoSimulation"),
+            (interfaces.scheduled_execution, "ScheduledExecution"),
+        ];
+        for (_, name) in all.into_iter().filter(|(is_provided, _)| *is_provided) {
             let is_co_simulation = name == "CoSimulation";
             let has_updates = is_co_simulation && M::KIND == ModelKind::Continuous;
             let capabilities = [
@@ -185,13 +187,14 @@ fn clock(xml: &mut Xml, layout: &Layout, variable: &Variable, input: Option<Inpu
         ("description", declaration.description.clone()),
         ("causality", if input.is_some() { "input" } else { "output" }.to_owned()),
     ];
-    let Some(InputClock { timing, .. }) = input else {
+    let Some(InputClock { timing, priority, .. }) = input else {
         // Only the parts of input clocks let an output clock tick.
         attributes.push(("clocks", clocks(layout, variable)));
         attributes.push(("intervalVariability", "triggered".to_owned()));
         return empty(xml, "Clock", &borrowed(&attributes));
     };
     attributes.push(("canBeDeactivated", "true".to_owned()));
+    attributes.extend(priority.map(|priority| ("priority", priority.to_string())));
     let variability = match timing {
         Timing::Periodic { interval: Interval::Constant(_), .. } => "constant",
         // Importers ask for the interval, because it follows from a parameter.

@@ -1,9 +1,10 @@
 //! Clocks of FMI 3.0: activation, intervals, and access to clocked variables.
 
 use super::{CallResult, Instance};
-use crate::calls::{Function, Mode};
+use crate::calls::{Function, Interface, Mode};
 use crate::clocks::{InputClock, Interval, Schedule, Span, Timing};
 use crate::runner::{Model, Run};
+use crate::timeline::{Timeline, is_within_tolerance};
 use crate::variable::{Kind, Variable};
 
 /// Answer of fmi3GetIntervalDecimal: what the interval is worth.
@@ -81,6 +82,48 @@ impl<M: Model> Instance<M> {
         Ok(self.values.booleans[index])
     }
 
+    /// Notes that the importer knows whether these output clocks tick: scheduled execution reports a tick once.
+    pub fn ticks_are_known(&mut self, references: &[u32]) {
+        if self.protocol.interface == Interface::ScheduledExecution {
+            for reference in references {
+                let clock = self.layout().by_reference(*reference).map(|variable| variable.index);
+                clock.into_iter().for_each(|index| self.values.booleans[index] = false);
+            }
+        }
+    }
+
+    /// fmi3ActivateModelPartition: runs the part of an input clock at `time` in s. Returns true if an output clock has
+    /// ticked or a countdown clock was started. Fails, without changes, if the reference is not an input clock, if
+    /// `time` is not later than the last tick of the clock or goes past the stop time, or if the part fails.
+    pub fn activate(&mut self, reference: u32, time: f64) -> CallResult<bool> {
+        let function = Function::ActivateModelPartition;
+        self.check(function)?;
+        let (clock, InputClock { name, .. }) = self.input_clock(function, reference)?;
+        let Timeline { start, stop, .. } = self.timeline;
+        if !time.is_finite() {
+            let message = format_args!("activationTime of the clock '{name}' must be finite, got {time} s");
+            return Err(self.error(function, message));
+        }
+        if let Some(stop) = stop
+            && !is_within_tolerance(time - stop, time, time - start)
+        {
+            let rule = format_args!("must not be after stopTime = {stop} s");
+            let message = format_args!("activationTime of the clock '{name}' {rule}, got {time} s");
+            return Err(self.error(function, message));
+        }
+        self.derive()?;
+        let needs_update = M::activate(self.context(), clock, time).map_err(|error| self.error(function, error))?;
+        self.timeline.time = self.timeline.time.max(time);
+        Ok(needs_update)
+    }
+
+    /// Scheduled execution: enters Clock Update Mode for a call in the importer's `clockUpdate`, or leaves it.
+    pub(crate) fn set_updating(&mut self, is_updating: bool) {
+        if matches!(self.mode, Mode::ClockActivation | Mode::ClockUpdate) {
+            self.enter(if is_updating { Mode::ClockUpdate } else { Mode::ClockActivation });
+        }
+    }
+
     /// fmi3GetIntervalDecimal: the interval in s, and what it is worth. Fails if the reference is not a time-based
     /// input clock, or if the parameters are inconsistent.
     pub fn interval(&mut self, reference: u32) -> CallResult<(f64, Qualifier)> {
@@ -92,6 +135,11 @@ impl<M: Model> Instance<M> {
                 self.error(function, format_args!("'{}' is a triggered clock, which has no interval", clock.name))
             );
         }
+        let is_scheduled = self.protocol.interface == Interface::ScheduledExecution;
+        if is_scheduled && !self.is_before_start() {
+            self.derive()?;
+            M::update_intervals(self.context()).map_err(|error| self.error(function, error))?;
+        }
         let schedule = *self.schedule(position)?;
         let is_countdown = matches!(clock.timing, Timing::Countdown(_));
         let qualifier = match schedule.is_new {
@@ -99,7 +147,9 @@ impl<M: Model> Instance<M> {
             true => Qualifier::Changed,
             false => Qualifier::Unchanged,
         };
-        let interval = schedule.interval_at(clock.timing, self.timeline.time);
+        // In scheduled execution, an interval counts from the activation that has set it, whatever other threads do.
+        let time = self.timeline.time;
+        let interval = if is_scheduled { schedule.interval } else { schedule.interval_at(clock.timing, time) };
         Ok((if qualifier == Qualifier::NotYetKnown { 0.0 } else { interval }, qualifier))
     }
 

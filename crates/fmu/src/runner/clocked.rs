@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
-use crate::clocks::{self, Clocked, InputClock, Schedule, Tick};
+use crate::clocks::{self, Clocked, InputClock, Schedule, Tick, Timing};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Info, Sample};
 use crate::store::ValueStore;
@@ -60,11 +60,22 @@ impl<M: Clocked> ClockedModel<M> {
         time: f64,
         active: u64,
     ) -> Result<(), String> {
+        // First, so that a clock that is started at this event ticks at another one.
+        clocks::advance::<M>(part.schedules.as_mut(), active, time);
+        Self::run_parts(ctx, part, values, time, active)
+    }
+
+    /// Runs the methods of the active clocks, whose schedules were moved on.
+    fn run_parts(
+        ctx: &Context<'_, Self>,
+        part: &mut Part<M>,
+        values: &mut ValueStore,
+        time: f64,
+        active: u64,
+    ) -> Result<(), String> {
         let Context { p, derived, layout, .. } = *ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let mut outputs = M::Outputs::read(values.view(), layout.outputs.at);
-        // First, so that a clock that is started at this event ticks at another one.
-        clocks::advance::<M>(part.schedules.as_mut(), active, time);
         for clock in (0..M::CLOCKS.len()).filter(|clock| active >> clock & 1 != 0) {
             let (due, interval) = part.schedules.as_ref()[clock].present;
             p.check(&Sample { time: due, state: &mut part.state, inputs, derived })?;
@@ -89,6 +100,12 @@ impl<M: Clocked> ClockedModel<M> {
         outputs.write(&mut values.view_mut(), layout.outputs.at);
         check_reals(layout, layout.outputs, values, time)?;
         check_discrete(&part.state, time)
+    }
+
+    /// A bit for each output clock that ticks.
+    fn fired(layout: &Layout, values: &ValueStore) -> u128 {
+        let clocks = layout.output_clocks.iter().enumerate();
+        clocks.fold(0, |all, (number, &index)| all | u128::from(values.booleans[index]) << number)
     }
 
     /// Deactivates all output clocks.
@@ -172,10 +189,34 @@ impl<M: Clocked> Model for ClockedModel<M> {
         0.0
     }
 
+    fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
+        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)
+    }
+
+    fn activate(Run { ctx, run, values }: Run<'_, Self>, clock: usize, time: f64) -> Result<bool, String> {
+        Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values })?;
+        let mut part = run.part.clone();
+        part.schedules.as_mut()[clock].activate(&M::CLOCKS[clock], time)?;
+        let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
+        // Ticks of output clocks that the importer has not asked for.
+        let unread = Self::fired(ctx.layout, values);
+        Self::clear(ctx.layout, values);
+        Self::run_parts(&ctx, &mut part, values, time, 1 << clock)
+            .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
+        let fired = Self::fired(ctx.layout, values);
+        for (number, &index) in ctx.layout.output_clocks.iter().enumerate() {
+            values.booleans[index] |= unread >> number & 1 != 0;
+        }
+        let mut schedules = part.schedules.as_ref().iter().zip(run.part.schedules.as_ref()).zip(M::CLOCKS);
+        let is_started = schedules.any(|((now, before), clock)| {
+            matches!(clock.timing, Timing::Countdown(_)) && now.is_new && now.next.is_finite() && now != before
+        });
+        run.part = part;
+        Ok(fired != 0 || is_started)
+    }
+
     fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
-        if let Err(error) =
-            clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)
-        {
+        if let Err(error) = Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values }) {
             return Some(error);
         }
         let is_missed =

@@ -454,7 +454,9 @@ fn missing_capabilities_are_reported() {
         assert_eq!(fmi3::set_time::<Carts>(instance.component, 1.0), Status::Error);
         assert_eq!(instance.error(), "fmi3SetTime is not a function of co-simulation");
     }
-    let none = Instance::<Carts>::new(|arguments| unsafe { fmi3::instantiate_scheduled_execution::<Carts>(arguments) });
+    let none = Instance::<Carts>::new(|arguments| unsafe {
+        fmi3::instantiate_scheduled_execution::<Carts>(arguments, None, None, None)
+    });
     assert!(none.component.is_null());
     assert_eq!(none.error(), "fmi3InstantiateScheduledExecution: this FMU does not provide scheduled execution");
     let none = Instance::<Filter>::new(|arguments| unsafe {

@@ -24,6 +24,7 @@ mod models;
 mod numbers;
 mod one_version;
 mod resources;
+mod scheduled;
 mod sizes;
 mod solvers;
 mod sources;

@@ -56,7 +56,7 @@ impl Discrete for Clocks {
     type Outputs = Y;
 
     /// Every second
-    #[clock("inClock1", interval = 1)]
+    #[clock("inClock1", interval = 1, priority = 0)]
     fn in_clock1(&self, mut tick: Tick<Self>) {
         tick.outputs.in_clock1_ticks += 1;
         tick.outputs.count();
@@ -66,7 +66,7 @@ impl Discrete for Clocks {
     }
 
     /// When the importer activates it
-    #[clock("inClock2", triggered)]
+    #[clock("inClock2", triggered, priority = 1)]
     fn in_clock2(&self, tick: Tick<Self>) {
         tick.outputs.in_clock2_ticks += 1;
         tick.outputs.count();
@@ -74,7 +74,7 @@ impl Discrete for Clocks {
     }
 
     /// When `inClock1` has started it
-    #[clock("inClock3", countdown)]
+    #[clock("inClock3", countdown, priority = 2)]
     fn in_clock3(&self, tick: Tick<Self>) {
         tick.outputs.in_clock3_ticks += 1;
         tick.outputs.output3 = 1000;
