@@ -18,7 +18,16 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi3 import (
+    FMU3ScheduledExecution,
+    FMU3Slave,
+    fmi3Boolean,
+    fmi3ClockUpdateCallback,
+    fmi3LockPreemptionCallback,
+    fmi3LogMessageCallback,
+    fmi3UnlockPreemptionCallback,
+    printLogMessage,
+)
 from fmpy.model_description import ModelDescription
 from lxml import etree
 from numpy.typing import NDArray
@@ -445,7 +454,52 @@ def test_clocks_tick_as_in_the_published_model(tmp_path: Path) -> None:
     fmu.freeInstance()
 
 
-def interval(fmu: FMU3Slave, clock: int) -> tuple[float, int]:
+def test_fmpy_schedules_the_parts_of_the_published_model(tmp_path: Path) -> None:
+    """FMPy activates the clocks in scheduled execution; the FMU reports ticks of outClock and intervals of inClock3."""
+    path = FOLDER3 / "Clocks.fmu"
+    description = fmpy.read_model_description(str(path))
+    of = {variable.name: variable.valueReference for variable in description.modelVariables}
+    fmu = FMU3ScheduledExecution(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
+        modelIdentifier=description.scheduledExecution.modelIdentifier,
+    )
+    updates: list[tuple[tuple[float, int], bool]] = []
+    locks: list[str] = []
+
+    def update(_: Any) -> None:
+        updates.append((interval(fmu, of["inClock3"]), fmu.getClock([of["outClock"]])[0]))
+
+    # FMPy's method `instantiate` passes callbacks that do nothing.
+    callbacks = (
+        fmi3LogMessageCallback(printLogMessage),
+        fmi3ClockUpdateCallback(update),
+        fmi3LockPreemptionCallback(lambda: locks.append("lock")),
+        fmi3UnlockPreemptionCallback(lambda: locks.append("unlock")),
+    )
+    no, token = fmi3Boolean(False), description.guid.encode()
+    fmu.component = fmu.fmi3InstantiateScheduledExecution(b"instance", token, None, no, no, None, *callbacks)
+    fmu.enterInitializationMode()
+    assert interval(fmu, of["inClock1"]) == (1.0, 2)
+    fmu.exitInitializationMode()
+    counters = ["inClock1Ticks", "inClock2Ticks", "inClock3Ticks", "totalInClockTicks", "result2", "output3"]
+    for second, (ticks, result2, output3, fires) in enumerate(TICKS):
+        fmu.activateModelPartition(of["inClock1"], float(second))
+        if second in (0, 1, 8, 9):
+            fmu.setInt32([of["input2"]], [10])
+            fmu.activateModelPartition(of["inClock2"], float(second))
+        if updates and updates[0][0] == (0.0, 2):
+            fmu.activateModelPartition(of["inClock3"], float(second))
+        assert fmu.getInt32([of[name] for name in counters]) == [*ticks, result2, output3], second
+        expected = [((0.0, 2), False)] if second == 4 else [((0.0, 0), True)] * fires
+        assert updates == expected, second
+        updates.clear()
+    assert locks == ["lock", "unlock"] * (len(locks) // 2)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def interval(fmu: FMU3Slave | FMU3ScheduledExecution, clock: int) -> tuple[float, int]:
     """Return the interval of a clock and its qualifier: 0 not yet known, 1 unchanged, 2 changed."""
     references, intervals, qualifiers = (ctypes.c_uint32 * 1)(clock), (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
     fmu.getIntervalDecimal(references, intervals, qualifiers)

@@ -87,6 +87,8 @@ pub(crate) enum Interface {
     Cs,
     /// Model exchange: the importer solves the equations
     Me,
+    /// Scheduled execution: the importer activates the parts of a model with clocks; requires --fmi 3
+    Se,
 }
 
 impl Interface {
@@ -94,6 +96,7 @@ impl Interface {
         match self {
             Self::Cs => "cs",
             Self::Me => "me",
+            Self::Se => "se",
         }
     }
 
@@ -102,6 +105,7 @@ impl Interface {
         match self {
             Self::Cs => description_options::CO_SIMULATION,
             Self::Me => description_options::MODEL_EXCHANGE,
+            Self::Se => description_options::SCHEDULED_EXECUTION,
         }
     }
 }

@@ -86,6 +86,10 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
         text += "In model exchange, a derivative or event indicator that is not a finite number returns PREFIXDiscard, so that the \
                  solver can try a shorter step. ";
     }
+    if description.has_scheduled_execution {
+        text += "In scheduled execution, any thread may call the FMU at any time. A part runs to its end before another call begins, \
+                 so parts do not preempt each other. ";
+    }
     text += "The start time is free. Parameters are set before or in Initialization Mode, tunable ones also between steps and in \
              Event Mode. Any other rejected call returns PREFIXError, changes nothing and logs the variable and \
              the rule that it breaks. ";

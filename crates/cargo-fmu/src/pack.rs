@@ -52,8 +52,11 @@ pub struct Settings {
     /// Build Linux binaries without cargo-zigbuild; they need a glibc at least as new as this machine's
     #[arg(long)]
     no_portable: bool,
-    /// Interfaces of the FMUs, separated by commas; stateful models have co-simulation only
-    #[arg(long, value_delimiter = ',', value_name = "LIST", default_values = ["cs", "me"])]
+    /// Interfaces of the FMUs, separated by commas [default: all that the model has]
+    ///
+    /// Stateful models have co-simulation only. Models with clocks have co-simulation and, if every clock has a
+    /// priority, scheduled execution.
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
     interfaces: Vec<Interface>,
     /// FMI version of the FMUs, 2 or 3
     #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
@@ -78,8 +81,12 @@ pub struct Settings {
 
 impl Settings {
     fn format(&self) -> Result<Format> {
-        if self.arrays && self.fmi == 2 {
-            return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no arrays"));
+        for (is_given, what) in
+            [(self.arrays, "arrays"), (self.interfaces.contains(&Interface::Se), "scheduled execution")]
+        {
+            if is_given && self.fmi == 2 {
+                return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no {what}"));
+            }
         }
         Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays })
     }
@@ -257,6 +264,7 @@ fn pack(workspace: &Workspace, models: Vec<Model>, arguments: &Settings, existin
 
 struct Format {
     version: i32,
+    /// Empty for all interfaces that the model has.
     interfaces: Vec<Interface>,
     arrays: bool,
 }
@@ -264,13 +272,17 @@ struct Format {
 impl Format {
     /// Sum of the flags that request a description in this format from a library.
     fn options(&self) -> i32 {
-        let interfaces = self.interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
+        let interfaces = match &*self.interfaces {
+            [] => Interface::Cs.bit() | Interface::Me.bit() | description_options::SCHEDULED_EXECUTION_IF_POSSIBLE,
+            given => given.iter().fold(0, |sum, interface| sum | interface.bit()),
+        };
         interfaces | if self.arrays { description_options::ARRAYS } else { 0 }
     }
 
     /// True for the format of the committed descriptions.
     fn is_default(&self) -> bool {
-        self.version == 2 && [Interface::Cs, Interface::Me].iter().all(|interface| self.interfaces.contains(interface))
+        let has = |interface| self.interfaces.is_empty() || self.interfaces.contains(&interface);
+        self.version == 2 && has(Interface::Cs) && has(Interface::Me)
     }
 }
 
@@ -292,12 +304,13 @@ impl Description {
         let has = |interface: &Interface| match interface {
             Interface::Cs => self.parsed.co_simulation.is_some(),
             Interface::Me => self.parsed.model_exchange.is_some(),
+            Interface::Se => self.parsed.has_scheduled_execution,
         };
         Export {
             model: self.model.clone(),
             guid: self.parsed.guid.clone(),
             version: format.version,
-            interfaces: [Interface::Cs, Interface::Me].into_iter().filter(has).collect(),
+            interfaces: [Interface::Cs, Interface::Me, Interface::Se].into_iter().filter(has).collect(),
             indicators: self.parsed.number_of_event_indicators,
             arrays: format.arrays,
             dependencies: self.dependencies.clone(),

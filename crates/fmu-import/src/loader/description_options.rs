@@ -12,3 +12,7 @@ pub const TERMINALS: i32 = 8;
 pub const NOTES: i32 = 16;
 /// Return the dependencies that the packer builds into a library of FMI 3.0 instead of the model description.
 pub const DEPENDENCIES: i32 = 32;
+/// Provide scheduled execution (FMI 3.0); fails if a clock of the model has no priority.
+pub const SCHEDULED_EXECUTION: i32 = 64;
+/// Provide scheduled execution if every clock of the model has a priority (FMI 3.0).
+pub const SCHEDULED_EXECUTION_IF_POSSIBLE: i32 = 128;
