@@ -185,7 +185,10 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
         interfaces.push((interface.to_string(), capabilities));
     }
     if description.has_scheduled_execution {
-        interfaces.push(("scheduled execution".to_owned(), vec!["not supported".to_owned()]));
+        interfaces.push((
+            "scheduled execution".to_owned(),
+            vec!["for other importers: `check` and scenarios do not run it".to_owned()],
+        ));
     }
     interfaces
 }
