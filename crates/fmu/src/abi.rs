@@ -270,7 +270,22 @@ unsafe fn call<E: Export>(
     }
     // SAFETY: the caller passes a component of `instantiate` that was not freed. In scheduled execution, no other thread
     // uses the handle until `_access` is dropped.
-    let (_access, handle) = unsafe { (scheduled::access::<E>(component), &mut *handle) };
+    unsafe {
+        if scheduled::is_provided::<E>() {
+            let _access = scheduled::access::<E>(component);
+            return run(&mut *handle, function, f);
+        }
+        run(&mut *handle, function, f)
+    }
+}
+
+/// [`call`] with the exclusive use of the handle.
+#[inline(always)]
+fn run<E: Export>(
+    handle: &mut Handle<E>,
+    function: Function,
+    f: impl FnOnce(&mut Handle<E>, &Call<E>) -> CallResult,
+) -> Status {
     let call = Call(function, PhantomData);
     let callers = if handle.instance.may_compute(function) { float_environment::enter() } else { None };
     let result = catch_unwind(AssertUnwindSafe(|| {

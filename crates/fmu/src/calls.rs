@@ -323,18 +323,19 @@ calls! {
 
 impl Function {
     /// Returns true if the function may be called in `mode`.
-    pub const fn allowed(self, protocol: Protocol, mode: Mode) -> bool {
-        self.modes()[protocol.column()] & mode.bit() != 0
+    pub fn allowed(self, protocol: Protocol, mode: Mode) -> bool {
+        ALLOWED[protocol.column()][mode as usize] >> self as u32 & 1 != 0
     }
 
     /// Returns the error message for a function that the mode does not allow: "called in X, allowed in Y".
     #[cold]
     pub fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
         let name = self.name(protocol.version);
-        if self.modes()[protocol.column()] == NO {
+        let allowed = Mode::ALL.iter().filter(|mode| self.allowed(protocol, **mode));
+        let allowed: Vec<_> = allowed.map(|mode| mode.name()).collect();
+        if allowed.is_empty() {
             return format!("{name} is not a function of {}", protocol.interface.name());
         }
-        let allowed: Vec<_> = Mode::ALL.into_iter().filter(|&m| self.allowed(protocol, m)).map(Mode::name).collect();
         format!("{name} called in {}, allowed in {}", mode.name(), allowed.join(", "))
     }
 }
@@ -346,7 +347,7 @@ pub(crate) static ALLOWED: [[u128; Mode::ALL.len()]; Protocol::ALL.len()] = {
     while place < Function::ALL.len() * Protocol::ALL.len() * Mode::ALL.len() {
         let (mode, rest) = (place % Mode::ALL.len(), place / Mode::ALL.len());
         let (column, function) = (rest % Protocol::ALL.len(), Function::ALL[rest / Protocol::ALL.len()]);
-        if function.allowed(Protocol::ALL[column], Mode::ALL[mode]) {
+        if function.modes()[column] & Mode::ALL[mode].bit() != 0 {
             table[column][mode] |= 1 << function as u32;
         }
         place += 1;
@@ -376,7 +377,7 @@ mod tests {
             for mode in Mode::ALL {
                 let functions = ALLOWED[protocol.column()][mode as usize];
                 for &function in Function::ALL {
-                    let expected = function.allowed(protocol, mode);
+                    let expected = function.modes()[protocol.column()] & mode.bit() != 0;
                     assert_eq!(functions >> function as u32 & 1 != 0, expected, "{function:?} {protocol:?} {mode:?}");
                 }
             }

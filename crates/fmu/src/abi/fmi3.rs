@@ -156,6 +156,9 @@ pub unsafe fn instantiate_scheduled_execution<E: Export>(
     unlock: Option<Preemption>,
 ) -> Component {
     const NAME: &str = "fmi3InstantiateScheduledExecution";
+    if !scheduled::is_provided::<E>() {
+        return unsafe { arguments.reject::<E>(NAME, "this FMU does not provide scheduled execution") };
+    }
     let component = unsafe { instantiate::<E>(NAME, arguments, Interface::ScheduledExecution, false, None) };
     if !component.is_null() {
         // SAFETY: created above.

@@ -100,7 +100,7 @@ pub(super) unsafe fn free<E: Export>(component: Component) {
     }
 }
 
-/// Prepares a new instance for scheduled execution.
+/// Prepares a new instance of an FMU with scheduled execution for this interface.
 pub(super) unsafe fn share<E: Export>(
     component: Component,
     clock_update: Option<ClockUpdate>,
@@ -108,12 +108,10 @@ pub(super) unsafe fn share<E: Export>(
     lock: Option<Preemption>,
     unlock: Option<Preemption>,
 ) {
-    if is_provided::<E>() {
-        let updating = Mutex::new(Vec::with_capacity(8));
-        // SAFETY: made by `allocate`, and known to no other thread.
-        let scheduler = unsafe { &mut (*component.cast::<Shared<E>>()).scheduler };
-        *scheduler = Some(Scheduler { clock_update, environment, lock, unlock, updating });
-    }
+    let updating = Mutex::new(Vec::with_capacity(8));
+    // SAFETY: made by `allocate`, and known to no other thread.
+    let scheduler = unsafe { &mut (*component.cast::<Shared<E>>()).scheduler };
+    *scheduler = Some(Scheduler { clock_update, environment, lock, unlock, updating });
 }
 
 /// The scheduler of an instance for scheduled execution.
@@ -142,7 +140,6 @@ impl<E: Export> Drop for Access<'_, E> {
 }
 
 /// Locks an instance for a call. Inside `clockUpdate`, the call is in Clock Update Mode.
-#[inline]
 pub(super) unsafe fn access<'a, E: Export>(component: Component) -> Option<Access<'a, E>> {
     // SAFETY: as the caller promises.
     let lock = unsafe { scheduler::<E>(component) }?.lock();

@@ -13,15 +13,17 @@ use crate::variable::{Declaration, Kind, Role, Variable};
 fn type_of(function: Function, version: Version) -> &'static str {
     match function {
         Function::GetInt64 | Function::SetInt64 => "Int64 or Enumeration",
-        _ if is_of_clocks(function) => "Clock",
+        Function::ActivateModelPartition
+        | Function::GetIntervalDecimal
+        | Function::GetIntervalFraction
+        | Function::SetIntervalDecimal
+        | Function::SetIntervalFraction
+        | Function::GetShiftDecimal
+        | Function::GetShiftFraction
+        | Function::SetShiftDecimal
+        | Function::SetShiftFraction => "Clock",
         _ => &function.name(version)["fmi2Set".len()..],
     }
-}
-
-/// Returns true for the functions of clocks whose names do not end with the type.
-fn is_of_clocks(function: Function) -> bool {
-    let name = function.name(Version::Fmi3);
-    ["Interval", "Shift", "Partition"].iter().any(|word| name.contains(word))
 }
 
 /// Validates a number for a variable.
