@@ -88,14 +88,14 @@ impl Keys {
 
     /// The priority in scheduled execution, as an expression of type `Option<u32>`.
     fn priority(&self) -> Result<TokenStream> {
-        match self.value("priority") {
-            None => Ok(quote!(::core::option::Option::None)),
-            Some(Expr::Lit(ExprLit { lit: Lit::Int(number), .. })) => {
-                let number = number.base10_parse::<u32>()?;
-                Ok(quote!(::core::option::Option::Some(#number)))
-            }
-            Some(other) => Err(Error::new_spanned(other, "a priority is a whole number from 0, as in `priority = 1`")),
-        }
+        let Some(value) = self.value("priority") else { return Ok(quote!(::core::option::Option::None)) };
+        let number = match value {
+            Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => number.base10_parse::<u32>().ok(),
+            _ => None,
+        };
+        let rule = "a priority is a whole number from 0 to 4294967295, as in `priority = 1`";
+        let number = number.ok_or_else(|| Error::new_spanned(value, rule))?;
+        Ok(quote!(::core::option::Option::Some(#number)))
     }
 
     /// The interval, as an expression of type `fmu::clocks::Interval`.
