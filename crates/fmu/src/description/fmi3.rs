@@ -13,7 +13,7 @@ use crate::calls::Version;
 use crate::clocks::{InputClock, Interval, Span, Timing};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::store::ValueStore;
-use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variable::{Declaration, Kind, Layout, Role, Variable};
 
 /// modelDescription.xml with an empty instantiation token.
 pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknowns<'_>) -> std::io::Result<Vec<u8>> {
@@ -167,11 +167,15 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         let mut dimensions = array.iter().filter(|_| sized.is_none()).flat_map(|(array, _)| &array.dimensions);
         dimensions.try_for_each(|length| empty(xml, "Dimension", &[("start", length)]))?;
         starts.iter().filter(|_| is_text).try_for_each(|start| empty(xml, "Start", &[("value", start)]))?;
-        declaration.aliases.iter().try_for_each(|alias| {
-            let display = alias.display.map(|display| ("displayUnit", display.name.to_owned()));
-            let names = [("name", alias.name.clone()), ("description", alias.description.clone())];
-            empty(xml, "Alias", &borrowed(&names.into_iter().chain(display).collect()))
-        })
+        aliases(xml, declaration)
+    })
+}
+
+fn aliases(xml: &mut Xml, declaration: &Declaration) -> Written {
+    declaration.aliases.iter().try_for_each(|alias| {
+        let display = alias.display.map(|display| ("displayUnit", display.name.to_owned()));
+        let names = [("name", alias.name.clone()), ("description", alias.description.clone())];
+        empty(xml, "Alias", &borrowed(&names.into_iter().chain(display).collect()))
     })
 }
 
@@ -191,7 +195,11 @@ fn clock(xml: &mut Xml, layout: &Layout, variable: &Variable, input: Option<Inpu
         // Only the parts of input clocks let an output clock tick.
         attributes.push(("clocks", clocks(layout, variable)));
         attributes.push(("intervalVariability", "triggered".to_owned()));
-        return empty(xml, "Clock", &borrowed(&attributes));
+        let attributes = borrowed(&attributes);
+        return match declaration.aliases.is_empty() {
+            true => empty(xml, "Clock", &attributes),
+            false => element(xml, "Clock", &attributes, |xml| aliases(xml, declaration)),
+        };
     };
     attributes.push(("canBeDeactivated", "true".to_owned()));
     attributes.extend(priority.map(|priority| ("priority", priority.to_string())));

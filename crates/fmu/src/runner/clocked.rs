@@ -36,12 +36,14 @@ pub struct ClockedRun<M: Clocked> {
     /// In Event Mode, after the active clocks were evaluated: what becomes the state at the end of the event, and the
     /// outputs from before.
     evaluated: Option<(Part<M>, M::Outputs)>,
+    /// For each output clock, true if it has ticked in the present step. Used during a step only.
+    fired: Box<[bool]>,
 }
 
 /// A clone has not evaluated the active clocks; its outputs are those of [`Model::restore_outputs`].
 impl<M: Clocked> Clone for ClockedRun<M> {
     fn clone(&self) -> Self {
-        Self { part: self.part.clone(), evaluated: None }
+        Self { part: self.part.clone(), evaluated: None, fired: self.fired.clone() }
     }
 }
 
@@ -129,10 +131,14 @@ impl<M: Clocked> ClockedModel<M> {
         let mut part = run.part.clone();
         clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
         let (mut all, mut at_once, mut last) = (0.0, 0, f64::NEG_INFINITY);
+        run.fired.fill(false);
         loop {
             let next = Self::next_tick(part.schedules.as_ref());
             let shortest = part.schedules.as_ref().iter().fold(step, |shortest, s| shortest.min(s.interval));
             if next >= end - slack(shortest, end) {
+                for (&index, &has_fired) in ctx.layout.output_clocks.iter().zip(&run.fired) {
+                    values.booleans[index] = has_fired;
+                }
                 return Ok(part);
             }
             at_once = if next > last { 1 } else { at_once + 1 };
@@ -145,7 +151,12 @@ impl<M: Clocked> ClockedModel<M> {
             }
             let due = part.schedules.as_ref().iter().enumerate().filter(|(_, schedule)| schedule.is_due(next));
             let active = due.fold(0_u64, |all, (clock, _)| all | 1 << clock);
+            // An output clock ticks at one event, although the importer sees that it has ticked in the step.
+            Self::clear(ctx.layout, values);
             Self::tick(&ctx, &mut part, values, next, active)?;
+            for (&index, has_fired) in ctx.layout.output_clocks.iter().zip(&mut run.fired) {
+                *has_fired |= values.booleans[index];
+            }
         }
     }
 }
@@ -182,7 +193,8 @@ impl<M: Clocked> Model for ClockedModel<M> {
 
     fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<ClockedRun<M>, String> {
         let schedules = clocks::first::<M>(ctx.layout, &values.reals, ctx.time)?;
-        Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None })
+        let fired = vec![false; ctx.layout.output_clocks.len()].into();
+        Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None, fired })
     }
 
     fn parts(_: &Layout, _: &ValueStore, _: Step) -> f64 {

@@ -46,6 +46,7 @@ pub(crate) struct WatchOutputs {
     #[var(clock = ["control", "slow", "watchdog", "pulse"])]
     all: i32,
     /// Ticks when the voltage exceeds 1 V
+    #[var(alias("exceeded", description = "Another name"))]
     limit: Clock,
 }
 
@@ -401,6 +402,9 @@ fn in_fmi_2_clocks_tick_inside_the_steps() {
     }
     let xml = Description::of::<<Watch as Export>::Model>(Format::FMI2, "".as_ref()).xml;
     assert!(xml.contains(r#"<ScalarVariable name="limit""#) && !xml.contains(r#"name="control""#), "{xml}");
+    let of = |name| format!(r#"<ScalarVariable name="{name}" valueReference="{}""#, reference::<Watch>("limit"));
+    let alias = &xml[xml.find(&of("exceeded")).unwrap_or_else(|| panic!("{xml}"))..];
+    assert!(alias.lines().nth(1).unwrap().trim() == "<Boolean/>" && alias.contains(r#"causality="local""#), "{alias}");
 }
 
 /// The state that is saved while clocks are active contains neither their results nor forgets that they are active.
@@ -448,7 +452,9 @@ fn clocks_are_described() {
         ),
         r#"canBeDeactivated="true" intervalVariability="changing"/>"#.to_owned(),
         format!(
-            r#"<Clock name="limit" valueReference="{}" description="Ticks when the voltage exceeds 1 V" causality="output" clocks="{control} {slow} {watchdog} {pulse}" intervalVariability="triggered"/>"#,
+            r#"<Clock name="limit" valueReference="{}" description="Ticks when the voltage exceeds 1 V" causality="output" clocks="{control} {slow} {watchdog} {pulse}" intervalVariability="triggered">
+      <Alias name="exceeded" description="Another name"/>
+    </Clock>"#,
             of("limit")
         ),
         format!(r#"causality="input" variability="discrete" unit="rad/s" clocks="{control}" start="0.0"/>"#),
@@ -534,4 +540,50 @@ fn intervals_can_be_tuned_between_events() {
     let ticks = fmu.integer("ticks");
     fmu.0.new_discrete_states().unwrap();
     assert_eq!((ticks, fmu.integer("ticks")), (2, 2));
+}
+
+#[derive(Outputs)]
+pub(crate) struct SeenOutputs {
+    /// Number of ticks
+    ticks: i32,
+    /// Number of ticks at which the clock had fired before
+    seen: i32,
+    /// Ticks at every third tick
+    third: Clock,
+}
+
+#[derive(Parameters)]
+pub(crate) struct Seen {}
+
+/// Fires a clock, and notes whether it has fired before
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Seen {
+    type Inputs = ();
+    type Outputs = SeenOutputs;
+    type State = ();
+
+    /// Fires at every third tick
+    #[clock(interval = 1 / 10)]
+    fn sample(&self, tick: Tick<Self>) {
+        let outputs = tick.outputs;
+        outputs.seen += i32::from(outputs.third.has_fired());
+        if outputs.ticks % 3 == 0 {
+            outputs.third.fire();
+        }
+        outputs.ticks += 1;
+    }
+}
+
+/// A clock ticks at one event (FMI 3.0, section 2.2.9). An importer without clocks sees after a step that it has ticked
+/// at any event of the step.
+#[test]
+fn an_output_clock_ticks_at_one_event_of_a_step() {
+    let mut fmu = Fmu::<Seen>::starting(0.0, &[]);
+    // Ticks at 0, 0.1 and 0.2 s, then at 0.3 s, 0.4 and 0.5 s, and at 0.6 s.
+    for (step, ticks, third) in [(0.3, 3, true), (0.1, 4, true), (0.2, 6, false), (0.1, 7, true)] {
+        fmu.step(step).unwrap();
+        let [count, seen] = ["ticks", "seen"].map(|name| fmu.0.get_integer(reference::<Seen>(name)).unwrap());
+        assert_eq!((count, seen), (ticks, 0));
+        assert_eq!(fmu.0.get_boolean(reference::<Seen>("third")).unwrap(), third, "after {ticks} ticks");
+    }
 }
