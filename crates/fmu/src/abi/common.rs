@@ -77,10 +77,10 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
     let handle = component.cast::<Handle<E>>();
     if !handle.is_null() && handle.is_aligned() {
         // SAFETY: made by Box::into_raw in `instantiate`, not freed yet.
-        if updates::are_provided::<E>() && unsafe { (*handle).instance.is_updating() } {
+        let h = unsafe { &*handle };
+        if updates::is_calling(h) {
             let message = "fmi3FreeInstance called in Intermediate Update Mode; the instance was not freed";
-            // SAFETY: as above.
-            unsafe { &*handle }.log.write(Status::Error, LOG_ERROR, message);
+            h.log.write(Status::Error, LOG_ERROR, message);
             return;
         }
         // SAFETY: as above.
@@ -123,7 +123,10 @@ functions! {
         Ok(())
     }
 
-    fn reset[Reset](h, _) {
+    fn reset[Reset](h, call) {
+        if updates::is_calling(h) {
+            return Err(call.error("must not be called in an intermediate update; first return from the callback"));
+        }
         h.instance.reset()?;
         h.log.write(Status::Ok, LOG_EVENTS, "reset");
         Ok(())

@@ -25,6 +25,9 @@ pub(super) struct Updates {
     /// True if an input is required.
     sets: bool,
     can_return_early: bool,
+    /// True while the callback runs. The instance may then be neither reset nor freed, not even after a panic, because
+    /// the step goes on with it.
+    is_calling: bool,
     step: PausingStep,
 }
 
@@ -75,8 +78,8 @@ impl Request<'_> {
         }
         Ok(self.callback.filter(|_| are_provided::<E>()).map(|callback| {
             let Self { environment, can_return_early, .. } = self;
-            let step = PausingStep::default();
-            Updates { callback, environment, required: required.into(), sets, can_return_early, step }.into()
+            let (required, is_calling, step) = (required.into(), false, PausingStep::default());
+            Updates { callback, environment, required, sets, can_return_early, is_calling, step }.into()
         }))
     }
 }
@@ -98,6 +101,11 @@ pub(super) fn check_access<E: Export>(h: &mut Handle<E>, call: &Call<E>, referen
         h.instance.forbid_reading();
     }
     Ok(())
+}
+
+/// Returns true while the importer's callback runs.
+pub(super) fn is_calling<E: Export>(h: &Handle<E>) -> bool {
+    are_provided::<E>() && h.updates.as_ref().is_some_and(|updates| updates.is_calling)
 }
 
 /// Returns true if the importer passed a callback.
@@ -167,17 +175,20 @@ unsafe fn update<E: Export>(component: Component) -> Option<f64> {
     let handle = component.cast::<Handle<E>>();
     // SAFETY: the component is valid. No reference to it lives longer than this statement.
     let (callback, environment, time, sets, can_return_early) = unsafe {
-        let Handle { instance, updates: Some(updates), .. } = &*handle else {
+        let Handle { instance, updates: Some(updates), .. } = &mut *handle else {
             unreachable!("the importer passed a callback")
         };
+        updates.is_calling = true;
         (updates.callback, updates.environment, instance.time(), updates.sets, updates.can_return_early)
     };
     let (mut is_requested, mut return_time) = (0, time);
     // SAFETY: the callback and its environment are the importer's. `free_instance` does not free the component now.
-    unsafe {
+    let Handle { instance, updates, .. } = unsafe {
         callback(environment, time, sets.into(), 1, 1, can_return_early.into(), &mut is_requested, &mut return_time);
-        (*handle).instance.leave_update();
-    }
+        &mut *handle
+    };
+    updates.iter_mut().for_each(|updates| updates.is_calling = false);
+    instance.leave_update();
     (is_requested != 0).then_some(return_time)
 }
 

@@ -628,6 +628,15 @@ fn a_panic_in_an_update_breaks_the_instance_until_a_reset() {
         if updates == 2 {
             let error = "fmi3GetFloat64: internal error: on demand; the instance can only be reset or freed";
             assert_eq!(instance.error(), error);
+            // The step still uses the instance.
+            // SAFETY: a live component.
+            assert_eq!(unsafe { fmi3::reset::<Lag3>(instance.component) }, Status::Error);
+            let error = "fmi3Reset: must not be called in an intermediate update; first return from the callback";
+            assert_eq!(instance.error(), error);
+            // SAFETY: a live component.
+            unsafe { fmi3::free_instance::<Lag3>(instance.component) };
+            let error = "fmi3FreeInstance called in Intermediate Update Mode; the instance was not freed";
+            assert_eq!(instance.error(), error);
             return None;
         }
         assert_eq!(instance.set(&[u], &[PANIC]), Status::Ok);
