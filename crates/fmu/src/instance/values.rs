@@ -98,17 +98,20 @@ impl<M: Model> Instance<M> {
         let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
         let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
         let outputs = self.outputs_are_due() && (has_others || references.iter().any(is_output));
-        self.refresh(calculated, outputs, last as usize >= layout.derivatives.at.reals)?;
+        let is_derivative = |&reference: &u32| layout.derivatives.position(reference).is_some();
+        let derivatives =
+            last as usize >= layout.derivatives.at.reals && (!has_others || references.iter().any(is_derivative));
+        self.refresh(calculated, outputs, derivatives)?;
         let reals = &self.values.reals;
         let is_bad = |&&reference: &&u32| !reals.get(reference as usize).is_none_or(|real| is_finite(*real));
         if self.has_not_finite
             && let Some(&reference) = references.iter().find(is_bad)
         {
-            let message = self.not_finite(reference as usize);
-            return Err(match self.protocol.interface {
-                Interface::CoSimulation => self.error(Function::GetReal, message),
-                _ => self.discard(Function::GetReal, message),
-            });
+            return Err(self.is_not_finite(Function::GetReal, self.not_finite(reference as usize)));
+        }
+        if has_others {
+            let mut others = references.iter().filter(|&&reference| reference as usize >= reals.len());
+            others.try_for_each(|&reference| self.float32(Function::GetReal, reference).map(drop))?;
         }
         for (value, &reference) in values.iter_mut().zip(references) {
             match self.values.reals.get(reference as usize) {
@@ -127,7 +130,16 @@ impl<M: Model> Instance<M> {
         }
         let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
         let (value, time) = (f64::from(f32::of(word)), self.timeline.time);
-        Err(self.error(function, format_args!("'{name}' = {value} at time {time} s, not a finite number")))
+        Err(self.is_not_finite(function, format!("'{name}' = {value} at time {time} s, not a finite number")))
+    }
+
+    /// In model exchange, a solver may go on with a shorter step.
+    #[cold]
+    fn is_not_finite(&self, function: Function, message: String) -> CallError {
+        match self.protocol.interface {
+            Interface::CoSimulation => self.error(function, message),
+            Interface::ModelExchange => self.discard(function, message),
+        }
     }
 
     /// Returns true for a Float32 in FMI 2.0, which declares it as a Real.

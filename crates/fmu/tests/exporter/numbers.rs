@@ -2,10 +2,13 @@
 //! (types); the limits of Rust's types; a feedthrough, whose outputs are its inputs or parameters.
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
+use std::cell::Cell;
+
 use fmu::prelude::*;
 use fmu::testing::abi::{Export, Library, Status, fmi3};
-use fmu::testing::calls::Function;
+use fmu::testing::calls::{Function, Protocol};
 use fmu::testing::description::Format;
+use fmu::testing::instance::{CallError, Instance as SafeInstance};
 use fmu::testing::number::Number;
 
 use crate::fmi3::Instance;
@@ -419,6 +422,74 @@ fn a_result_that_is_not_finite_is_an_error() {
     fmu.0.exit_initialization().unwrap();
     let message = error_of(fmu.step(0.1));
     assert!(message.contains("'product' became inf at 0 s"), "{message}");
+}
+
+#[derive(State)]
+pub(crate) struct GrowingState<T> {
+    /// State (1)
+    #[var(start = 1.0)]
+    x: T,
+}
+
+#[derive(Outputs)]
+pub(crate) struct GrowingOutputs<T> {
+    /// Twice the state (1)
+    double: T,
+    /// Ten times the factor (1)
+    product: f32,
+}
+
+#[derive(Parameters)]
+pub(crate) struct Growing {
+    /// Factor (1)
+    #[var(start = 1.0, tunable)]
+    factor: f32,
+}
+
+thread_local! {
+    /// Number of evaluations of the derivatives.
+    static DERIVATIVES: Cell<u32> = const { Cell::new(0) };
+}
+
+/// x' = x
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Growing {
+    type State<T: Scalar> = GrowingState<T>;
+    type Outputs<T: Scalar> = GrowingOutputs<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> GrowingState<T> {
+        DERIVATIVES.set(DERIVATIVES.get() + 1);
+        GrowingState { x: at.state.x }
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> GrowingOutputs<T> {
+        GrowingOutputs { double: at.state.x * 2.0, product: self.factor * 10.0 }
+    }
+}
+
+/// Like a real of 64 bits. Reading a real of 32 bits needs no derivatives.
+#[test]
+fn a_float32_that_is_not_finite_is_not_read() {
+    let some = ["double", "product"].map(reference::<Growing>);
+    for protocol in [Protocol::CS2, Protocol::ME2] {
+        let mut fmu = Fmu::<Growing>(SafeInstance::new(protocol, Growing::description(), Default::default()));
+        fmu.0.setup_experiment(0.0, None).unwrap();
+        fmu.0.enter_initialization().unwrap();
+        fmu.0.exit_initialization().unwrap();
+        let (evaluations, mut values) = (DERIVATIVES.get(), [0.0; 2]);
+        fmu.0.get_real(&some, &mut values).unwrap();
+        assert_eq!((values, DERIVATIVES.get()), ([2.0, 10.0], evaluations));
+        fmu.set("factor", 1e38).unwrap();
+        let mut values = [7.0; 2];
+        let message = "fmi2GetReal: 'product' = inf at time 0 s, not a finite number".to_owned();
+        let expected = match protocol {
+            Protocol::CS2 => CallError::Error(message),
+            _ => CallError::Discard(message),
+        };
+        assert_eq!(fmu.0.get_real(&some, &mut values), Err(expected));
+        assert_eq!((values, DERIVATIVES.get()), ([7.0; 2], evaluations));
+        // The other values are still read.
+        fmu.0.get_real(&some[..1], &mut values[..1]).unwrap();
+        assert_eq!(values[0], 2.0);
+    }
 }
 
 #[derive(Parameters)]
