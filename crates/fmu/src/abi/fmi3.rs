@@ -283,10 +283,7 @@ pub unsafe fn get_clock<E: Export>(
     unsafe {
         clocks::<E>(component, Function::GetClock, references, count, |instance, call, references| {
             let values = call.array_mut("values", values, count)?;
-            references.iter().try_for_each(|&reference| instance.get_clock(reference).map(drop))?;
-            for (value, &reference) in values.iter_mut().zip(references) {
-                *value = instance.get_clock(reference)?.into();
-            }
+            values::each(instance, references, values, Instance::get_clock, |value, found| *value = found.into())?;
             instance.ticks_are_known(references);
             Ok(())
         })
@@ -320,11 +317,10 @@ pub unsafe fn get_interval_decimal<E: Export>(
         clocks::<E>(component, Function::GetIntervalDecimal, references, count, |instance, call, references| {
             let intervals = call.array_mut("intervals", intervals, count)?;
             let qualifiers = call.array_mut("qualifiers", qualifiers, count)?;
-            references.iter().try_for_each(|&reference| instance.interval(reference).map(drop))?;
-            for ((interval, qualifier), &reference) in intervals.iter_mut().zip(qualifiers).zip(references) {
-                let (seconds, found) = instance.interval(reference)?;
-                (*interval, *qualifier) = (seconds, found as c_int);
-            }
+            let targets = intervals.iter_mut().zip(qualifiers);
+            values::each(instance, references, targets, Instance::interval, |(interval, qualifier), found| {
+                (*interval, *qualifier) = (found.0, found.1 as c_int);
+            })?;
             instance.intervals_are_known(call.0, references)
         })
     }
@@ -344,11 +340,10 @@ pub unsafe fn get_interval_fraction<E: Export>(
             let counters = call.array_mut("counters", counters, count)?;
             let resolutions = call.array_mut("resolutions", resolutions, count)?;
             let qualifiers = call.array_mut("qualifiers", qualifiers, count)?;
-            references.iter().try_for_each(|&reference| instance.interval_fraction(reference).map(drop))?;
-            for (i, &reference) in references.iter().enumerate() {
-                let (fraction, found) = instance.interval_fraction(reference)?;
-                ((counters[i], resolutions[i]), qualifiers[i]) = (fraction, found as c_int);
-            }
+            let targets = counters.iter_mut().zip(resolutions).zip(qualifiers);
+            values::each(instance, references, targets, Instance::interval_fraction, |((n, of), qualifier), found| {
+                ((*n, *of), *qualifier) = (found.0, found.1 as c_int);
+            })?;
             instance.intervals_are_known(call.0, references)
         })
     }
@@ -364,11 +359,8 @@ pub unsafe fn get_shift_decimal<E: Export>(
     unsafe {
         clocks::<E>(component, Function::GetShiftDecimal, references, count, |instance, call, references| {
             let shifts = call.array_mut("shifts", shifts, count)?;
-            references.iter().try_for_each(|&reference| instance.shift(reference).map(drop))?;
-            for (shift, &reference) in shifts.iter_mut().zip(references) {
-                *shift = instance.shift(reference)?;
-            }
-            Ok(())
+            let one = |instance: &mut Instance<_>, reference| instance.shift(reference);
+            values::each(instance, references, shifts, one, |shift, found| *shift = found)
         })
     }
 }
@@ -385,11 +377,9 @@ pub unsafe fn get_shift_fraction<E: Export>(
         clocks::<E>(component, Function::GetShiftFraction, references, count, |instance, call, references| {
             let counters = call.array_mut("counters", counters, count)?;
             let resolutions = call.array_mut("resolutions", resolutions, count)?;
-            references.iter().try_for_each(|&reference| instance.shift_fraction(reference).map(drop))?;
-            for (i, &reference) in references.iter().enumerate() {
-                (counters[i], resolutions[i]) = instance.shift_fraction(reference)?;
-            }
-            Ok(())
+            let targets = counters.iter_mut().zip(resolutions);
+            let one = |instance: &mut Instance<_>, reference| instance.shift_fraction(reference);
+            values::each(instance, references, targets, one, |(n, of), found| (*n, *of) = found)
         })
     }
 }

@@ -91,16 +91,32 @@ unsafe fn set<E: Export, V>(
     }
 }
 
-/// Reads values one by one. All references are checked before the first value is written.
-fn each<M: Model, V>(
+/// Reads values one by one and writes them to `targets`. All references are checked before the first value is written.
+pub(super) fn each<M: Model, V, T>(
+    instance: &mut Instance<M>,
+    references: &[u32],
+    targets: impl IntoIterator<Item = T>,
     one: impl Fn(&mut Instance<M>, u32) -> Result<V, CallError>,
-) -> impl FnOnce(&mut Instance<M>, &[u32], &mut [V]) -> CallResult {
-    move |instance, references, values| {
-        references.iter().try_for_each(|&reference| one(instance, reference).map(drop))?;
-        for (value, &reference) in values.iter_mut().zip(references) {
-            *value = one(instance, reference)?;
-        }
-        Ok(())
+    write: impl Fn(T, V),
+) -> CallResult {
+    references.iter().try_for_each(|&reference| one(instance, reference).map(drop))?;
+    for (target, &reference) in targets.into_iter().zip(references) {
+        write(target, one(instance, reference)?);
+    }
+    Ok(())
+}
+
+/// Reads values of one type.
+unsafe fn get_each<E: Export, V>(
+    component: Component,
+    function: Function,
+    list: List<*mut V>,
+    one: impl Fn(&mut Instance<E::Model>, u32) -> Result<V, CallError>,
+) -> Status {
+    unsafe {
+        get::<E, _>(component, function, list, |instance, references, values| {
+            each(instance, references, values, one, |target, value| *target = value)
+        })
     }
 }
 
@@ -120,8 +136,7 @@ pub(super) unsafe fn set_real<E: Export>(component: Component, list: List<*const
 
 /// Used only in FMI 2.0.
 pub(super) unsafe fn get_integer<E: Export>(component: Component, list: List<*mut c_int>) -> Status {
-    let one = |instance: &mut Instance<E::Model>, reference| instance.get_integer(reference);
-    unsafe { get::<E, _>(component, Function::GetInteger, list, each(one)) }
+    unsafe { get_each::<E, _>(component, Function::GetInteger, list, Instance::get_integer) }
 }
 
 /// Used only in FMI 3.0.
@@ -130,8 +145,9 @@ pub(super) unsafe fn get_number<E: Export, V: Number>(
     function: Function,
     list: List<*mut V>,
 ) -> Status {
-    let one = |instance: &mut Instance<E::Model>, reference| instance.get_number(function, reference);
-    unsafe { get::<E, _>(component, function, list, each(one)) }
+    unsafe {
+        get_each::<E, _>(component, function, list, |instance, reference| instance.get_number(function, reference))
+    }
 }
 
 /// Used only in FMI 2.0.
@@ -153,8 +169,7 @@ pub(super) unsafe fn set_number<E: Export, V: Number>(
 }
 
 pub(super) unsafe fn get_boolean<E: Export>(component: Component, list: List<*mut impl From<bool>>) -> Status {
-    let one = |instance: &mut Instance<E::Model>, reference| instance.get_boolean(reference).map(Into::into);
-    unsafe { get::<E, _>(component, Function::GetBoolean, list, each(one)) }
+    unsafe { get_each::<E, _>(component, Function::GetBoolean, list, |i, one| i.get_boolean(one).map(Into::into)) }
 }
 
 /// Any number except 0 is true.
@@ -187,13 +202,10 @@ pub(super) unsafe fn get_binary<E: Export>(
             let values = call.array_mut("values", list.values.values, list.value_count)?;
             let (references, instance) = elements(h, call, list.references, list.count)?;
             check_count(call, references.len(), values.len())?;
-            // All references are checked first, so that no value is written if one is rejected.
-            references.iter().try_for_each(|&reference| instance.get_binary(reference).map(drop))?;
-            for ((value, size), &reference) in values.iter_mut().zip(sizes).zip(references) {
-                let bytes = instance.get_binary(reference)?;
-                (*value, *size) = (bytes.as_ptr(), bytes.len());
-            }
-            Ok(())
+            let one = |instance: &mut Instance<_>, reference| {
+                instance.get_binary(reference).map(|bytes| (bytes.as_ptr(), bytes.len()))
+            };
+            each(instance, references, values.iter_mut().zip(sizes), one, |(v, n), found| (*v, *n) = found)
         })
     }
 }
@@ -217,8 +229,7 @@ pub(super) unsafe fn set_binary<E: Export>(
 
 /// The strings live until a string is set, a state is restored, or the instance is reset or freed.
 pub(super) unsafe fn get_string<E: Export>(component: Component, list: List<*mut *const c_char>) -> Status {
-    let one = |instance: &mut Instance<E::Model>, reference| instance.get_string(reference).map(CStr::as_ptr);
-    unsafe { get::<E, _>(component, Function::GetString, list, each(one)) }
+    unsafe { get_each::<E, _>(component, Function::GetString, list, |i, one| i.get_string(one).map(CStr::as_ptr)) }
 }
 
 pub(super) unsafe fn set_string<E: Export>(component: Component, list: List<*const *const c_char>) -> Status {

@@ -137,8 +137,8 @@ impl<M: Model> Instance<M> {
     #[cold]
     fn is_not_finite(&self, function: Function, message: String) -> CallError {
         match self.protocol.interface {
-            Interface::CoSimulation => self.error(function, message),
             Interface::ModelExchange => self.discard(function, message),
+            _ => self.error(function, message),
         }
     }
 
