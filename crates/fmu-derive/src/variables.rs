@@ -297,32 +297,32 @@ fn is_number_of_another_type(ty: &syn::Type, start: &Expr) -> bool {
     literal(start).is_some() && name_of(ty).is_some_and(|name| !["f64", "i32"].contains(&name.as_str()))
 }
 
-/// The error message for a literal start value that does not match the type of the variable.
-fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
-    let lit = match start {
-        Expr::Array(starts) => {
+/// The error message for a literal that does not match the type of the variable, as the value of `start` or `constant`.
+fn mistaken_literal(ty: &syn::Type, key: &str, value: &Expr) -> Option<String> {
+    let lit = match value {
+        Expr::Array(values) => {
             let element = element(ty)?;
-            return starts.elems.iter().find_map(|start| mistaken_start(element, start));
+            return values.elems.iter().find_map(|value| mistaken_literal(element, key, value));
         }
-        Expr::Unary(start) => return mistaken_start(ty, &start.expr),
-        Expr::Lit(start) => &start.lit,
+        Expr::Unary(value) => return mistaken_literal(ty, key, &value.expr),
+        Expr::Lit(value) => &value.lit,
         _ => return None,
     };
-    match (name_of(ty)?.as_str(), lit) {
+    let (variable, rule, example) = match (name_of(ty)?.as_str(), lit) {
         ("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64", Lit::Int(_))
         | ("f64" | "f32", Lit::Int(_) | Lit::Float(_))
         | ("bool", Lit::Bool(_))
         | ("String", Lit::Str(_))
-        | ("Bytes", Lit::ByteStr(_)) => None,
-        ("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64", _) => {
-            Some("the start value of an integer variable must be an integer, as in `start = 2`")
-        }
-        ("f64" | "f32", _) => Some("the start value of a real variable must be a number, as in `start = 1.0`"),
-        ("Bytes", _) => Some("the start value of a Binary must be bytes, as in `start = b\"\\x01\\x02\"`"),
-        ("bool", _) => Some("the start value of a `bool` must be `true` or `false`"),
-        ("String", _) => Some("the start value of a `String` must be a string, as in `start = \"file.csv\"`"),
-        _ => None,
-    }
+        | ("Bytes", Lit::ByteStr(_)) => return None,
+        ("i8" | "u8" | "i16" | "u16" | "i32" | "u32" | "i64" | "u64", _) => ("an integer variable", "an integer", "2"),
+        ("f64" | "f32", _) => ("a real variable", "a number", "1.0"),
+        ("Bytes", _) => ("a Binary", "bytes", "b\"\\x01\\x02\""),
+        ("bool", _) => ("a `bool`", "`true` or `false`", "true"),
+        ("String", _) => ("a `String`", "a string", "\"file.csv\""),
+        _ => return None,
+    };
+    let what = if key == "start" { "start value" } else { "value" };
+    Some(format!("the {what} of {variable} must be {rule}, as in `{key} = {example}`"))
 }
 
 /// Returns true if the elements of an array have numbers, not names.
@@ -441,8 +441,7 @@ fn part(
             errors.add(Error::new(value.span(), "a constant is a single number, Boolean or enumeration"));
         }
         errors.keep(variable.check_start(value));
-        if let Some(message) = mistaken_start(&ty, value) {
-            let message = message.replace("start value of", "value of").replace("`start = ", "`constant = ");
+        if let Some(message) = mistaken_literal(&ty, "constant", value) {
             errors.add(Error::new(value.span(), message));
         }
     }
@@ -455,7 +454,7 @@ fn part(
                 ));
             }
             errors.keep(variable.check_start(start));
-            if let Some(message) = mistaken_start(&ty, start) {
+            if let Some(message) = mistaken_literal(&ty, "start", start) {
                 errors.add(Error::new(start.span(), message));
             }
         }
