@@ -5,7 +5,9 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use fmu_import::archive::{Archive, ArchiveError};
-use fmu_import::description::{Causality, Clock, DataType, FmiVersion, Interface, ModelDescription, Variable};
+use fmu_import::description::{
+    Causality, Clock, DataType, FmiVersion, Interface, ModelDescription, Terminal, TerminalMember, Variable,
+};
 use fmu_import::terminal::{indented, line};
 use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
@@ -43,6 +45,7 @@ pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
 struct Opened {
     text: String,
     platforms: Vec<String>,
+    terminals: Result<Vec<Terminal>, ArchiveError>,
     problem: Option<ArchiveError>,
 }
 
@@ -54,11 +57,11 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
         Ok(mut archive) => {
             let platforms = archive.platforms();
             match archive.description_text() {
-                Ok(text) => Ok(Opened { text, platforms, problem: None }),
+                Ok(text) => Ok(Opened { text, platforms, terminals: archive.terminals(), problem: None }),
                 // The description is too large, or not UTF-8.
                 Err(error) => match archive.entry(NAME) {
                     Ok(Some(bytes)) if bytes.len() <= xml::MAX_BYTES => {
-                        Ok(Opened { text: lossy(bytes), platforms, problem: Some(error) })
+                        Ok(Opened { text: lossy(bytes), platforms, terminals: Ok(Vec::new()), problem: Some(error) })
                     }
                     _ => Err(error),
                 },
@@ -72,7 +75,10 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
                 Some(bytes)
             };
             match read() {
-                Some(bytes) => Ok(Opened { text: lossy(bytes), platforms: Vec::new(), problem: Some(error) }),
+                Some(bytes) => {
+                    let (platforms, terminals) = (Vec::new(), Ok(Vec::new()));
+                    Ok(Opened { text: lossy(bytes), platforms, terminals, problem: Some(error) })
+                }
                 None => Err(error),
             }
         }
@@ -82,7 +88,7 @@ fn open(path: &Path) -> Result<Opened, ArchiveError> {
 /// Prints metadata and variables. If other commands reject the FMU, prints the readable part first, then fails.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
-    let Opened { text, platforms, problem } = open(&path).into_diagnostic()?;
+    let Opened { text, platforms, terminals, problem } = open(&path).into_diagnostic()?;
     let unusable = |problem: Option<String>| match problem {
         None => Ok(()),
         Some(problem) => Err(miette!("other commands cannot use this FMU: {problem}")),
@@ -95,6 +101,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match ModelDescription::parse(&text) {
         Ok(description) => {
             show(&description, &platforms);
+            let terminals = terminals.into_diagnostic()?;
+            if !terminals.is_empty() {
+                outln!("\nTerminals ({})", terminals.len());
+                terminals.iter().for_each(|terminal| show_terminal(terminal, 2));
+            }
             unusable(problem)
         }
         Err(error) => {
@@ -213,6 +224,20 @@ fn clocks(description: &ModelDescription) {
         let (name, text) = (line(&clock.name), clock.description.as_deref().unwrap_or_default());
         outln!("  {name:width$}  {:of_kind$}  {}", kind(clock), line(text));
     }
+}
+
+/// Prints a terminal with its members: their names in the terminal, and their variables if these have other names.
+fn show_terminal(terminal: &Terminal, indent: usize) {
+    let Terminal { name, matching_rule, kind, description, members, terminals } = terminal;
+    let kind = kind.as_ref().map_or_else(String::new, |kind| format!(", {kind}"));
+    let text = format!("{name} ({matching_rule}{kind})  {}", description.as_deref().unwrap_or_default());
+    outln!("{:indent$}{}", "", line(text.trim_end()));
+    for TerminalMember { variable, name, kind } in members {
+        let name = name.as_ref().filter(|name| *name != variable).map_or_else(String::new, |name| format!("{name} = "));
+        let kind = if kind == "signal" { String::new() } else { format!(" [{kind}]") };
+        outln!("{:indent$}  {}", "", line(&format!("{name}{variable}{kind}")));
+    }
+    terminals.iter().for_each(|terminal| show_terminal(terminal, indent + 2));
 }
 
 /// The description, with the properties that only FMI 3.0 has in brackets: type, content of a Binary, other name.

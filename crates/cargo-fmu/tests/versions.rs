@@ -33,7 +33,12 @@ fn properties_that_only_fmi_3_has_are_listed() {
         + "\n    <Binary name=\"image\" valueReference=\"90\" causality=\"input\" mimeType=\"image/png\" maxSize=\"8\">\
            <Start value=\"00ff\"/></Binary>\n    <Binary name=\"raw\" valueReference=\"91\" causality=\"input\">\
            <Start value=\"\"/></Binary>\n    <Clock name=\"tick\" valueReference=\"92\" intervalVariability=\"constant\"/>";
-    Decay { edits: &[(sum, &others)], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+    let terminals = "<Terminals><Terminal name=\"port\" matchingRule=\"plug\" terminalKind=\"org.example.k\" description=\"A port\">\
+                     <TerminalMemberVariable variableName=\"port.u\" memberName=\"u\" variableKind=\"inflow\"/>\
+                     <Terminal name=\"bus\" matchingRule=\"bus\">\
+                     <TerminalMemberVariable variableName=\"y\" memberName=\"y\" variableKind=\"signal\"/>\
+                     </Terminal></Terminal></Terminals>";
+    Decay { edits: &[(sum, &others)], terminals, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
     let listed = printed(folder.path(), &["inspect", "Decay3.fmu"]);
     for expected in [
         "  total      Sum [alias of `sum`, Int64]\n",
@@ -41,6 +46,7 @@ fn properties_that_only_fmi_3_has_are_listed() {
         "  image  0x00ff   [Binary, image/png, at most 8 bytes]\n",
         "  raw        0x   [Binary, application/octet-stream]\n",
         "\nClocks (1)\n  tick",
+        "\nTerminals (1)\n  port (plug, org.example.k)  A port\n    u = port.u [inflow]\n    bus (bus)\n      y\n",
     ] {
         assert!(listed.contains(expected), "{expected}: {listed}");
     }

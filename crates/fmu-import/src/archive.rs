@@ -1,6 +1,6 @@
 //! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 
-use crate::description::{FmiVersion, Interface, ModelDescription, StructuralParameters};
+use crate::description::{FmiVersion, Interface, ModelDescription, StructuralParameters, Terminal};
 use crate::directory::{self, DirectoryError, Entry};
 use crate::signature::Signature;
 use crate::temporary::Folder;
@@ -142,17 +142,21 @@ impl<R: Read + Seek> Archive<R> {
     /// The text of `modelDescription.xml`. Fails if the entry is missing, unreadable, too large, or not UTF-8.
     pub fn description_text(&mut self) -> Result<String, ArchiveError> {
         const NAME: &str = "modelDescription.xml";
-        let limit = crate::xml::MAX_BYTES as u64;
         let Some(index) = self.index(NAME) else {
             // Probably a folder was zipped instead of its contents.
             let deeper = self.names.iter().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
             return Err(ArchiveError::rejected(&self.path, format!("it has no {NAME} at its root{instead}")));
         };
-        let bytes = self.content(index, NAME, NAME, limit)?;
+        self.text(index, NAME)
+    }
+
+    /// The text of an XML file.
+    fn text(&mut self, index: usize, name: &str) -> Result<String, ArchiveError> {
+        let bytes = self.content(index, name, name, crate::xml::MAX_BYTES as u64)?;
         String::from_utf8(bytes).map_err(|error| {
             let at = error.utf8_error().valid_up_to() + 1;
-            let reason = format!("{NAME} must be encoded in UTF-8, but byte {at} is invalid");
+            let reason = format!("{name} must be encoded in UTF-8, but byte {at} is invalid");
             ArchiveError::rejected(&self.path, reason)
         })
     }
@@ -186,6 +190,15 @@ impl<R: Read + Seek> Archive<R> {
         let text = self.description_text()?;
         ModelDescription::parse_with(&text, structure)
             .map_err(|cause| ArchiveError::new(&self.path, format!("modelDescription.xml: {cause}")))
+    }
+
+    /// Reads the terminals of FMI 3.0; empty without a `terminalsAndIcons.xml`. Fails like [`Terminal::parse_all`], or if
+    /// the file is unreadable, too large, or not UTF-8.
+    pub fn terminals(&mut self) -> Result<Vec<Terminal>, ArchiveError> {
+        const NAME: &str = "terminalsAndIcons/terminalsAndIcons.xml";
+        let Some(index) = self.index(NAME) else { return Ok(Vec::new()) };
+        let text = self.text(index, NAME)?;
+        Terminal::parse_all(&text).map_err(|cause| ArchiveError::new(&self.path, format!("{NAME}: {cause}")))
     }
 
     /// Platforms for which the archive contains binaries, sorted.

@@ -7,6 +7,7 @@
 mod elements;
 mod interface;
 mod read;
+mod terminals;
 
 use crate::bytes::BinaryText;
 use crate::c_api::Reference;
@@ -16,6 +17,7 @@ pub use interface::{Capabilities, FmiVersion, Interface};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
+pub use terminals::{Terminal, TerminalMember};
 
 /// MIME type of a Binary that declares none (FMI 3.0.2, section 2.4.7.1).
 const OCTET_STREAM: &str = "application/octet-stream";

@@ -20,11 +20,13 @@ pub(crate) struct Decay<'a> {
     pub(crate) defects: &'a [&'a str],
     /// Replacements in the description: old text, new text.
     pub(crate) edits: &'a [(&'a str, &'a str)],
+    /// The element `Terminals` of terminalsAndIcons.xml; empty for none.
+    pub(crate) terminals: &'a str,
 }
 
 impl Decay<'_> {
     pub(crate) fn new(fmi: FmiVersion) -> Self {
-        Self { fmi, defects: &[], edits: &[] }
+        Self { fmi, defects: &[], edits: &[], terminals: "" }
     }
 
     /// Compiles and packs the FMU into a folder, as `Decay2.fmu` or `Decay3.fmu`.
@@ -55,6 +57,10 @@ impl Decay<'_> {
         let suffix = std::env::consts::DLL_SUFFIX;
         add(&format!("binaries/{}/Decay{suffix}", platform_of(self.fmi)), &std::fs::read(&binary).unwrap());
         add("resources/note.txt", b"here");
+        if !self.terminals.is_empty() {
+            let text = format!("<fmiTerminalsAndIcons fmiVersion=\"3.0\">{}</fmiTerminalsAndIcons>", self.terminals);
+            add("terminalsAndIcons/terminalsAndIcons.xml", text.as_bytes());
+        }
         zip.finish().unwrap();
         std::fs::remove_file(source).unwrap();
         std::fs::remove_file(binary).unwrap();
