@@ -61,7 +61,8 @@ pub struct Settings {
     /// FMI version of the FMUs, 2 or 3
     #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
     fmi: i32,
-    /// Write arrays as variables with dimensions instead of one variable per element; requires --fmi 3
+    /// Write arrays with numbered elements as variables with dimensions instead of one variable per element; requires
+    /// --fmi 3
     #[arg(long)]
     arrays: bool,
     /// Folder for the FMUs [default: target/fmu, with --fmi 3 target/fmu3]

@@ -191,7 +191,10 @@ impl Variable {
 
     /// The prefix of a nested struct, empty for `flatten`; `None` if the field is a variable.
     pub(crate) fn nested(&self, field: &Field) -> Result<Option<String>> {
-        let only = |key: &Ident, others: &[(Ident, Option<Expr>)]| match others.iter().find(|(other, _)| other != key) {
+        let only = |key: &Ident, others: &[(Ident, Option<Expr>)]| match others
+            .iter()
+            .find(|(other, _)| other != key && other != "terminal" && other != "rule")
+        {
             Some((other, _)) => {
                 Err(Error::new(other.span(), "a nested struct takes no other keys; set them on its fields"))
             }
@@ -211,6 +214,34 @@ impl Variable {
                 Ok(Some(prefix.value()))
             }
             Some(other) => Err(Error::new_spanned(other, "expected a prefix as a string, as in `nested = \"front\"`")),
+        }
+    }
+
+    /// The terminal that a nested struct is, an expression of type `fmu::Terminal`; `None` without the key `terminal`.
+    pub(crate) fn terminal(&self, root: &TokenStream, doc: &str) -> Result<Option<TokenStream>> {
+        let text = |key, example| match self.value(key)? {
+            Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. })) if check_name(text).is_ok() => Ok(Some(text)),
+            Some(other) => {
+                let message = format!("`{key}` must be a string of one line, as in `{key} = \"{example}\"`");
+                Err(Error::new_spanned(other, message))
+            }
+            None => Ok(None),
+        };
+        let (name, rule) = (text("terminal", "shaft")?, text("rule", "plug")?);
+        match (name, rule) {
+            (None, Some(rule)) => Err(Error::new(rule.span(), "only a terminal has a `rule`; add `terminal = \"…\"`")),
+            (_, Some(rule))
+                if !["plug", "bus", "sequence", "none"].contains(&&*rule.value()) && !rule.value().contains('.') =>
+            {
+                let message =
+                    "`rule` must be plug, bus, sequence, none, or a reversed domain name such as `org.example.rule`";
+                Err(Error::new(rule.span(), message))
+            }
+            (None, None) => Ok(None),
+            (Some(name), rule) => {
+                let rule = rule.map_or_else(|| "plug".to_owned(), LitStr::value);
+                Ok(Some(quote!(#root::Terminal { name: #name, rule: #rule, description: #doc, member: 0 })))
+            }
         }
     }
 
@@ -244,6 +275,7 @@ impl Variable {
                 "intermediate" => "`intermediate` is only allowed on real inputs".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
                 "clock" => "`clock` is only allowed on inputs and outputs".to_owned(),
+                "terminal" | "rule" => format!("`{key}` is only allowed on nested structs of inputs and outputs"),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),
             };

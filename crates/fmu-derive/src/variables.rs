@@ -401,7 +401,10 @@ fn part(
     let variable = Variable::of(field)?;
     let content = content(&ty, parameter);
     let mut errors = Errors::default();
-    let are_known = errors.keep(variable.allow(&block.keys(content))).is_some();
+    let mut keys = block.keys(content);
+    let is_nested = variable.key("nested").or(variable.key("flatten")).is_some();
+    keys.extend(["terminal", "rule"].iter().filter(|_| is_nested && matches!(block, Block::Inputs | Block::Outputs)));
+    let are_known = errors.keep(variable.allow(&keys)).is_some();
     if let Some(message) = mistaken(&ty, parameter) {
         errors.add(Error::new_spanned(&ty, message));
         return Err(errors.finish(()).unwrap_err());
@@ -409,9 +412,13 @@ fn part(
     if let Some(prefix) = variable.nested(field)? {
         let span = ty.span().resolved_at(Span::call_site());
         let of = quote_spanned!(span=> <#ty as #root::Variables<#number>>);
+        let declaration = match errors.keep(variable.terminal(root, &doc(&field.attrs))).flatten() {
+            Some(terminal) => quote_spanned!(span=> #root::terminal(#terminal, #prefix, #of::declare, all);),
+            None => quote_spanned!(span=> #root::nested(#prefix, #of::declare, all);),
+        };
         return errors.finish(Part {
             name,
-            declaration: quote_spanned!(span=> #root::nested(#prefix, #of::declare, all);),
+            declaration,
             has_starts: quote_spanned!(span=> #of::HAS_STARTS),
             text: quote_spanned!(span=> #root::Name::nested(#prefix, #of::NAMES),),
             ty,

@@ -4,7 +4,7 @@ use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::number::{Number, Size};
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Alias, ArrayElement, Declaration, Details, Kind, Real};
+use crate::variable::{Alias, ArrayElement, Declaration, Details, Kind, Real, Terminal};
 
 /// One element of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,6 +178,7 @@ impl Spec {
             kind,
             array: self.array.clone(),
             aliases,
+            terminals: Vec::new(),
             details: self.details,
         });
     }
@@ -330,7 +331,18 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
             if let Some(array) = &mut declaration.array {
                 array.name = format!("{prefix}.{}", array.name);
             }
+            declaration.terminals.iter_mut().for_each(|terminal| terminal.member += prefix.len() + 1);
         }
+    }
+}
+
+/// Declares the variables of a nested struct, which are the members of a terminal.
+pub fn terminal(terminal: Terminal, prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<Declaration>) {
+    let first = all.len();
+    nested(prefix, declare, all);
+    let member = if prefix.is_empty() { 0 } else { prefix.len() + 1 };
+    for declaration in &mut all[first..] {
+        declaration.terminals.insert(0, Terminal { member, ..terminal });
     }
 }
 

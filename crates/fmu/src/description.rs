@@ -7,6 +7,7 @@ use std::path::Path;
 mod fmi2;
 mod fmi3;
 mod structure;
+mod terminals;
 mod xml;
 
 use self::structure::{Structure, Unknowns, structure};
@@ -196,10 +197,10 @@ impl Description {
     }
 
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common,
-    /// such as a wheel or an axle; empty if there is none. A terminal cannot contain an element of a native array.
+    /// such as a wheel or an axle, and the terminals that nested structs declare.
     pub fn terminals(&self, format: Format) -> String {
-        let xml =
-            fmi3::terminals(&self.layout.in_version(format.version), format).expect("writing to memory does not fail");
+        let xml = terminals::write(&self.layout.in_version(format.version), format);
+        let xml = xml.expect("writing to memory does not fail");
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
@@ -457,7 +458,8 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
             _ => {}
         }
     }
-    if let Some(problem) = mistaken_clock(layout).or_else(|| mistaken_size(layout)) {
+    let mistaken = mistaken_clock(layout).or_else(|| mistaken_size(layout));
+    if let Some(problem) = mistaken.or_else(|| terminals::terminals(layout, format).err()) {
         return Some(problem);
     }
     if format.version == Version::Fmi2 {
@@ -484,7 +486,7 @@ mod tests {
     use crate::declare::{Spec, named_display_unit};
     use crate::enumeration::Item;
     use crate::unit;
-    use crate::variable::{Alias, ArrayElement, Declaration, Declarations, Details};
+    use crate::variable::{Alias, ArrayElement, Declaration, Declarations, Details, Terminal};
 
     const INFO: Info = Info {
         name: "Name",
@@ -516,9 +518,9 @@ mod tests {
 
     fn plain(kind: Kind) -> Vec<Declaration> {
         let (name, description) = ("x".to_owned(), "D".to_owned());
-        let (array, aliases, details) = (None, Vec::new(), Details::default());
+        let (array, aliases, terminals, details) = (None, Vec::new(), Vec::new(), Details::default());
         let (tunable, local, calculated) = (false, false, false);
-        vec![Declaration { name, description, tunable, local, calculated, kind, array, aliases, details }]
+        vec![Declaration { name, description, tunable, local, calculated, kind, array, aliases, terminals, details }]
     }
 
     fn enumeration(type_name: &'static str, items: &'static [Item]) -> Kind {
@@ -638,6 +640,45 @@ mod tests {
         assert_eq!(misplaced(ModelKind::Stateful, &continuous).unwrap(), message);
         assert_eq!(misplaced(ModelKind::Continuous, &layout(of(all))).unwrap(), message);
         assert_eq!(misplaced(ModelKind::Continuous, &layout(Kind::Boolean { start: true })).unwrap(), message);
+    }
+
+    /// FMI 3.0.2, section 2.4.9: names of terminals are unique among siblings, names of members in a terminal.
+    #[test]
+    fn mistakes_in_terminals_are_reported() {
+        let terminal = |name, rule| Terminal { name, rule, description: "", member: 2 };
+        let (plug, bus) = (terminal("shaft", "plug"), terminal("shaft", "bus"));
+        let output = |name: &str, terminals: &[Terminal]| {
+            let mut all = plain(Kind::Boolean { start: true });
+            (all[0].name, all[0].terminals) = (name.to_owned(), terminals.to_vec());
+            all
+        };
+        let of = |outputs: [Vec<Declaration>; 2]| {
+            let layout = Layout::new(Declarations { outputs: outputs.concat(), ..Declarations::default() });
+            contradiction(&INFO, &layout, Format::FMI3).unwrap_or_default()
+        };
+        assert_eq!(of([output("a.x", &[plug]), output("b.y", &[plug])]), "");
+        assert_eq!(
+            of([output("a.x", &[plug]), output("b.x", &[plug, bus])]),
+            "",
+            "a child may have the name of its parent"
+        );
+        assert_eq!(
+            of([output("a.x", &[plug]), output("b.y", &[bus])]),
+            "the terminal 'shaft' has the rules `plug` and `bus`"
+        );
+        assert_eq!(
+            of([output("a.x", &[plug]), output("b.x", &[plug])]),
+            "the terminal 'shaft' has two members 'x', the variables 'a.x' and 'b.x': give one of them another name, or \
+             declare two terminals"
+        );
+        let mut wheel = output("load.shaft", &[]);
+        let (name, description, element) = ("load".to_owned(), "D".to_owned(), "shaft".to_owned());
+        wheel[0].array = Some(ArrayElement { name, description, element, dimensions: vec![1] });
+        assert_eq!(
+            of([wheel, output("a.x", &[plug])]),
+            "the terminal 'shaft' has the name of an element of an array, which has a terminal of its own: choose another \
+             name"
+        );
     }
 
     #[test]

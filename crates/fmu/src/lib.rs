@@ -144,7 +144,7 @@ pub mod __private {
     pub use crate::enumeration::Item;
     pub use crate::number::Size;
     pub use crate::store::*;
-    pub use crate::variable::{Alias, Declaration};
+    pub use crate::variable::{Alias, Declaration, Terminal};
     pub use crate::variables::*;
     pub use crate::*;
 

@@ -30,6 +30,8 @@ pub struct Declaration {
     pub array: Option<ArrayElement>,
     /// Other names.
     pub aliases: Vec<Alias>,
+    /// The terminals of FMI 3.0 that contain the variable, the outermost first.
+    pub terminals: Vec<Terminal>,
     /// Attributes that few variables have.
     pub details: Details,
 }
@@ -66,6 +68,19 @@ pub struct Alias {
     pub description: String,
     /// Display unit.
     pub display: Option<DisplayUnit>,
+}
+
+/// A terminal: a nested struct of inputs or outputs that importers connect as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Terminal {
+    /// Name, unique among its siblings.
+    pub name: &'static str,
+    /// Rule for the connection of its variables: `plug`, `bus`, `sequence`, `none`, or a reversed domain name.
+    pub rule: &'static str,
+    /// Description; may be empty.
+    pub description: &'static str,
+    /// Position in the name of the variable at which its name within the terminal starts.
+    pub member: usize,
 }
 
 /// The array to which a variable belongs, and its element.
@@ -435,10 +450,11 @@ impl Layout {
         self.sized.iter().find(|array| array.reference == reference)
     }
 
-    /// The array to which a variable belongs, and all its elements. `None` if they differ in an attribute that an FMI
-    /// array has only once (type, unit or limits), or if a variable has the name of the array.
+    /// The array to which a variable belongs, and all its elements. `None` if they have names, which an FMI array would
+    /// lose, if they differ in an attribute that an FMI array has only once (type, unit or limits), or if a variable has
+    /// the name of the array.
     pub(crate) fn array_of<'a>(&'a self, variable: &'a Variable) -> Option<(&'a ArrayElement, Vec<&'a Variable>)> {
-        let of = variable.declaration.array.as_ref()?;
+        let of = variable.declaration.array.as_ref().filter(|array| array.element.is_empty())?;
         let is_element = |other: &&Variable| {
             other.role == variable.role && other.declaration.array.as_ref().is_some_and(|array| array.name == of.name)
         };
@@ -731,6 +747,7 @@ fn derivative_of(state: &Declaration) -> Declaration {
         local: true,
         calculated: false,
         aliases: Vec::new(),
+        terminals: Vec::new(),
         details: Details { sizes: state.details.sizes, ..Details::default() },
         array: state.array.as_ref().map(|array| ArrayElement {
             name: format!("der({})", array.name),
@@ -758,6 +775,7 @@ fn clock(clock: &InputClock) -> Declaration {
         kind: Kind::Clock(Some(*clock)),
         array: None,
         aliases: Vec::new(),
+        terminals: Vec::new(),
         details: Details::default(),
     }
 }

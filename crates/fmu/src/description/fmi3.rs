@@ -1,4 +1,4 @@
-//! modelDescription.xml and terminalsAndIcons.xml of FMI 3.0.
+//! modelDescription.xml of FMI 3.0.
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -60,7 +60,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
 }
 
 /// The variables to write. A native array is represented by its first element.
-fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
+pub(super) fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let is_written = move |variable: &&Variable| {
         representatives.get(variable.reference as usize).is_none_or(|&first| first == variable.reference)
@@ -265,56 +265,6 @@ fn model_structure(xml: &mut Xml, layout: &Layout, format: Format, unknowns: &Un
         (0..indicators).try_for_each(|index| {
             // Without a list of dependencies, the indicator depends on everything.
             empty(xml, "EventIndicator", &[("valueReference", &indicator(layout, index))])
-        })
-    })
-}
-
-/// Length of each side of the icon in the coordinates of terminalsAndIcons.xml.
-const SIDE: &str = "100.0";
-
-pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<u8>> {
-    // Elements in the order of their first variable.
-    let mut terminals: Vec<(&str, Vec<(&str, &Variable)>)> = Vec::new();
-    let is_signal = |variable: &&Variable| match variable.role {
-        Role::Input | Role::Output => true,
-        Role::State => !variable.declaration.local,
-        _ => false,
-    };
-    for variable in layout.variables.iter().filter(is_signal).filter(|_| !format.arrays) {
-        let array = variable.declaration.array.as_ref();
-        let Some(array) = array.filter(|array| array.dimensions.len() == 1 && !array.element.is_empty()) else {
-            continue;
-        };
-        let member = (array.name.as_str(), variable);
-        match terminals.iter_mut().find(|(name, _)| *name == array.element) {
-            Some((_, members)) => members.push(member),
-            None => terminals.push((&array.element, vec![member])),
-        }
-    }
-    document("fmiTerminalsAndIcons", &vec![("fmiVersion", "3.0".to_owned())], |xml| {
-        element(xml, "GraphicalRepresentation", &[], |xml| {
-            let system: [(&str, &dyn Display); 5] =
-                [("x1", &"0.0"), ("y1", &"0.0"), ("x2", &SIDE), ("y2", &SIDE), ("suggestedScalingFactorTo_mm", &"0.1")];
-            empty(xml, "CoordinateSystem", &system)?;
-            empty(xml, "Icon", &system[..4])
-        })?;
-        if terminals.is_empty() {
-            return Ok(());
-        }
-        element(xml, "Terminals", &[], |xml| {
-            terminals.iter().try_for_each(|(name, members)| {
-                let description = format!("Signals of the element {name}");
-                let attributes: [(&str, &dyn Display); 3] =
-                    [("name", name), ("matchingRule", &"bus"), ("description", &description)];
-                element(xml, "Terminal", &attributes, |xml| {
-                    members.iter().try_for_each(|(member, variable)| {
-                        let name = &variable.declaration.name;
-                        let attributes: [(&str, &dyn Display); 3] =
-                            [("variableName", name), ("memberName", member), ("variableKind", &"signal")];
-                        empty(xml, "TerminalMemberVariable", &attributes)
-                    })
-                })
-            })
         })
     })
 }

@@ -8,7 +8,7 @@ use fmu::testing::variable::Kind;
 use crate::models::{Carts, Fmu};
 
 #[derive(Parameters)]
-struct Arrays {
+pub(crate) struct Arrays {
     /// Vector (m)
     #[var(start = [1.0, 2.0, 3.0], min = 0.0)]
     vector: [f64; 3],
@@ -51,7 +51,7 @@ struct Arrays {
 }
 
 #[derive(Parameters)]
-struct Wheel {
+pub(crate) struct Wheel {
     /// Radius (m)
     #[var(start = 0.3)]
     radius: f64,
@@ -61,7 +61,7 @@ struct Wheel {
 }
 
 #[derive(State)]
-struct Chain<T> {
+pub(crate) struct Chain<T> {
     /// Position (m)
     #[var(start = [0.5, 0.25])]
     x: [T; 2],
@@ -70,7 +70,7 @@ struct Chain<T> {
 }
 
 #[derive(State)]
-struct Inner<T> {
+pub(crate) struct Inner<T> {
     /// Velocity (m/s)
     #[var(start = [[1.0, 2.0]])]
     v: [[T; 2]; 1],

@@ -12,6 +12,7 @@ use fmu::testing::calls::{Function, Interfaces};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::runner::ContinuousModel;
 
+use crate::arrays::Arrays;
 use crate::events::{EqualSteps, Pulses, ball};
 use crate::models::{CartPair, Fmu, Sampler, reals, reference};
 use crate::types::DiscreteTypes;
@@ -32,7 +33,7 @@ macro_rules! fmi3 {
 
 fmi3! {
     Carts: CartPair, Format::FMI3;
-    CartsWithArrays: CartPair, Format { arrays: true, ..Format::FMI3 };
+    NativeArrays: Arrays, Format { arrays: true, ..Format::FMI3 };
     Ball: EqualSteps, Format::FMI3;
     Train: Pulses, Format::FMI3;
     TrainWithoutExchange: WithoutExchange, Format { interfaces: Interfaces { model_exchange: false, ..Interfaces::ALL }, ..Format::FMI3 };
@@ -352,19 +353,23 @@ fn the_adjoint_derivative_is_the_transposed_matrix() {
 
 #[test]
 fn arrays_are_read_and_set_as_one_variable() {
-    let instance = Instance::<CartsWithArrays>::co_simulation(false);
-    let stiffness = reference::<CartPair>("spring.stiffness.l");
-    assert_eq!(instance.set(&[stiffness], &[5.0, 6.0]), Status::Ok);
-    assert_eq!(instance.set(&[stiffness], &[5.0]), Status::Error);
-    assert_eq!(instance.error(), "fmi3SetFloat64: nValues must be 2 for these variables, got 1");
-    let mut values = [0.0; 3];
-    let mass = reference::<CartPair>("cart.mass");
-    assert_eq!(instance.get(&[stiffness, mass], &mut values), Status::Ok);
-    assert_eq!(values, [5.0, 6.0, 2.0]);
-    let xml = &CartsWithArrays::description().xml;
-    assert!(xml.contains("name=\"spring.stiffness\""), "{xml}");
-    assert!(xml.contains("start=\"8.0 18.0\""), "{xml}");
-    assert!(!xml.contains("spring.stiffness.l"), "{xml}");
+    let instance = Instance::<NativeArrays>::co_simulation(false);
+    let [matrix, front, values] = ["matrix[1,1]", "corner.front", "values"].map(reference::<Arrays>);
+    assert_eq!(instance.set(&[matrix], &[5.0, 6.0, 7.0, 8.0]), Status::Ok);
+    assert_eq!(instance.set(&[matrix], &[5.0]), Status::Error);
+    assert_eq!(instance.error(), "fmi3SetFloat64: nValues must be 4 for these variables, got 1");
+    let mut found = [0.0; 6];
+    assert_eq!(instance.get(&[front, matrix, values], &mut found), Status::Ok);
+    assert_eq!(found, [10.0, 5.0, 6.0, 7.0, 8.0, 5.0]);
+    let xml = &NativeArrays::description().xml;
+    assert!(xml.contains("name=\"matrix\"") && xml.contains("start=\"1.0 2.0 3.0 4.0\""), "{xml}");
+    assert!(!xml.contains("matrix["), "{xml}");
+    // Named elements stay variables, also those that are arrays, and elements that differ in their units.
+    for name in ["corner.front", "corner.rear", "carts.l[1]", "carts.r[2]", "mixed[1]"] {
+        assert!(xml.contains(&format!("name=\"{name}\"")), "{name}: {xml}");
+    }
+    let found = Description::of::<<CartPair as Export>::Model>(NativeArrays::FORMAT, std::path::Path::new(""));
+    assert!(!found.xml.contains("<Dimension"), "{}", found.xml);
 }
 
 #[test]
@@ -488,6 +493,7 @@ fn wheels_and_axles_are_terminals() {
     ] {
         assert!(xml.contains(text), "{xml}");
     }
+    assert_eq!(description.terminals(NativeArrays::FORMAT), xml, "named elements are variables in both formats");
     // Local variables and parameters are not signals and belong to no terminal.
     assert!(!xml.contains("cart_velocity") && !xml.contains("spring.stiffness"), "{xml}");
     // The packer gets the same text from the library.

@@ -14,6 +14,7 @@ use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::Instance as SafeInstance;
 
 use crate::allocations::allocations;
+use crate::arrays::Arrays;
 use crate::events::{ControlledSteps, EqualSteps, ImplicitSteps, Pulses, ball};
 use crate::fmi3::Instance;
 use crate::models::{Sampler, reals, reference};
@@ -173,7 +174,7 @@ fmi3! {
     Train: Pulses, false;
     Comparator3: Comparator, false;
     Filter: Sampler, false;
-    Carts: crate::models::CartPair, true;
+    NativeArrays: Arrays, true;
 }
 
 /// Arguments of the callback, except those that are always true.
@@ -878,15 +879,14 @@ fn output_derivatives_are_those_of_outputs() {
         filter.error(),
         "fmi3GetOutputDerivatives: not provided: only outputs of continuous-time models have derivatives"
     );
-    // An array has the derivatives of its elements, here the velocities of the carts.
-    let carts = Instance::<Carts>::co_simulation(false).initialized();
-    assert_eq!(carts.step(0.0, 0.5).0, Status::Ok);
-    let [position, velocity] =
-        ["cart_position.l", "cart_velocity.l"].map(crate::models::reference::<crate::models::CartPair>);
+    // An array has the derivatives of its elements, here the velocities.
+    let arrays = Instance::<NativeArrays>::co_simulation(false).initialized();
+    assert_eq!(arrays.step(0.0, 0.5).0, Status::Ok);
+    let [position, velocity] = ["x[1]", "inner.v[1,1]"].map(reference::<Arrays>);
     let (mut slopes, mut velocities) = ([0.0; 2], [0.0; 2]);
-    assert_eq!(output_derivatives::<Carts>(carts.component, &[position], &mut slopes, 1), Status::Ok);
-    assert_eq!(carts.get(&[velocity], &mut velocities), Status::Ok);
-    assert_eq!(slopes, velocities);
+    assert_eq!(output_derivatives::<NativeArrays>(arrays.component, &[position], &mut slopes, 1), Status::Ok);
+    assert_eq!(arrays.get(&[velocity], &mut velocities), Status::Ok);
+    assert_eq!((slopes, velocities), (velocities, [3.5, 5.0]));
 }
 
 /// Reference: the attributes in FMI 3.0.2, sections 2.4.7 and 4.4.

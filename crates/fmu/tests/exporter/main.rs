@@ -31,6 +31,7 @@ mod sources;
 mod stateful;
 mod states;
 mod structure;
+mod terminals;
 mod time;
 mod time_events;
 mod types;
