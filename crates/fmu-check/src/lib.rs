@@ -315,6 +315,10 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
         .sum(),
         ..Checked::default()
     };
+    match archive.terminals() {
+        Ok(terminals) => rules::terminals(&description, &terminals, &mut found),
+        Err(error) => found(Finding::error("terminalsAndIcons.xml", error.to_string())),
+    }
     report(Event::Checked(checked.clone()));
     let interfaces = description.interfaces();
     if interfaces.is_empty() {

@@ -4,7 +4,8 @@ mod schema;
 
 use super::Finding;
 use fmu_import::description::{
-    BaseType, Capabilities, Causality, FmiVersion, Initial, ModelDescription, Unknown, Value, Variability, Variable,
+    BaseType, Capabilities, Causality, FmiVersion, Initial, ModelDescription, Terminal, TerminalMember, Unknown, Value,
+    Variability, Variable,
 };
 use fmu_import::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -33,6 +34,34 @@ pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'
     }
     structure(description, report);
     elements
+}
+
+/// Checks the members of terminals and of those within them (FMI 3.0.2, section 2.4.9.2).
+pub(super) fn terminals(description: &ModelDescription, terminals: &[Terminal], report: Report<'_>) {
+    for Terminal { name: terminal, matching_rule, members, terminals: inner, .. } in terminals {
+        let mut error = |message: String| report(Finding::error(format!("terminal `{terminal}`"), message));
+        let mut names = HashSet::new();
+        for TerminalMember { variable: name, name: member, .. } in members {
+            let causality = description.variable(name).map(|variable| variable.causality);
+            let causality =
+                causality.or_else(|| Some(description.clocks.iter().find(|clock| clock.name == *name)?.causality));
+            match causality {
+                None => error(format!("refers to the variable `{name}`, which does not exist")),
+                Some(Causality::Local | Causality::Independent | Causality::StructuralParameter) => {
+                    error(format!("contains `{name}`: only inputs, outputs and parameters can be connected"));
+                }
+                _ => {}
+            }
+            match member {
+                None if matching_rule == "plug" || matching_rule == "bus" => error(format!(
+                    "matches members by their names (matchingRule=\"{matching_rule}\"), but `{name}` has no memberName"
+                )),
+                Some(member) if !names.insert(member) => error(format!("has two members named `{member}`")),
+                _ => {}
+            }
+        }
+        self::terminals(description, inner, report);
+    }
 }
 
 /// Checks attributes of FMI 2.0 variables that the parsed description does not contain, or contains only in another

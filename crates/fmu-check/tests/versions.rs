@@ -34,6 +34,46 @@ fn sound_fmus_of_both_versions_have_no_findings() {
     }
 }
 
+/// FMI 3.0.2, section 2.4.9.2: members are variables that can be connected, with unique names if these match.
+#[test]
+fn defects_of_terminals_are_found() {
+    let member = |variable: &str, member: &str| {
+        format!("<TerminalMemberVariable variableName=\"{variable}\" {member} variableKind=\"signal\"/>")
+    };
+    let (u, named) = (member("u", "memberName=\"u\""), member("y", "memberName=\"u\""));
+    let (unnamed, unknown, local) = (member("y", ""), member("none", ""), member("der(x)", ""));
+    for (terminals, expected) in [
+        (format!("<Terminal name=\"a\" matchingRule=\"plug\">{u}</Terminal>"), vec![]),
+        (format!("<Terminal name=\"a\" matchingRule=\"sequence\">{u}{unnamed}</Terminal>"), vec![]),
+        (
+            format!("<Terminal name=\"a\" matchingRule=\"plug\">{u}{named}</Terminal>"),
+            vec!["error: terminal `a`: has two members named `u`"],
+        ),
+        (
+            format!("<Terminal name=\"a\" matchingRule=\"bus\">{unnamed}</Terminal>"),
+            vec![
+                "error: terminal `a`: matches members by their names (matchingRule=\"bus\"), but `y` has no memberName",
+            ],
+        ),
+        (
+            format!(
+                "<Terminal name=\"a\" matchingRule=\"none\"><Terminal name=\"b\" matchingRule=\"none\">{unknown}{local}\
+                 </Terminal></Terminal>"
+            ),
+            vec![
+                "error: terminal `b`: refers to the variable `none`, which does not exist",
+                "error: terminal `b`: contains `der(x)`: only inputs, outputs and parameters can be connected",
+            ],
+        ),
+    ] {
+        let terminals = format!("<Terminals>{terminals}</Terminals>");
+        let (_, lines) = checked(&Decay { terminals: &terminals, ..Decay::new(FmiVersion::V3) });
+        assert_eq!(lines, expected, "{terminals}");
+    }
+    let (_, lines) = checked(&Decay { terminals: "<Terminals><Terminal/></Terminals>", ..Decay::new(FmiVersion::V3) });
+    assert!(lines[0].starts_with("error: terminalsAndIcons.xml: ") && lines.len() == 1, "{lines:?}");
+}
+
 /// Each defect is found, in each version that can have it.
 #[test]
 fn defects_of_model_exchange_are_found() {
