@@ -1,5 +1,6 @@
 //! The rules of a description.
 
+mod fmi3;
 mod schema;
 
 use super::Finding;
@@ -14,23 +15,31 @@ type Report<'a> = &'a mut dyn FnMut(Finding);
 
 /// Reports all findings about a parsed description. Returns the number of elements compared with the schema.
 pub(super) fn check(text: &str, description: &ModelDescription, report: Report<'_>) -> usize {
-    let mut elements = 0;
-    if let Ok(root) = xml::parse(text) {
-        elements = schema::schema(&root, description.fmi, report);
-        if description.fmi == FmiVersion::V2 {
-            written_attributes(&root, report);
-        }
-    }
+    // The description was parsed from the same text.
+    let Ok(root) = xml::parse(text) else { return 0 };
+    let elements = schema::schema(&root, description.fmi, report);
     general(description, report);
     definitions(description, report);
-    let known = Known::new(description);
-    // An alias is not checked, because its variable is.
-    for variable in description.variables.iter().filter(|variable| variable.alias_of.is_none()) {
-        rules_of_variable(description, variable, &known, report);
+    let known = Known::new(&root, description);
+    for variable in &description.variables {
+        let of = variable.alias_of.map(|of| &description.variables[of]);
+        // An alias has its own display unit. All other properties are those of its variable.
+        if of.is_none_or(|of| of.display_unit != variable.display_unit) {
+            units(description, variable, &known, report);
+        }
+        if of.is_none() {
+            rules_of_variable(description, variable, &known, report);
+        }
     }
     match description.fmi {
-        FmiVersion::V2 => aliases(description, report),
-        FmiVersion::V3 => independent(description, report),
+        FmiVersion::V2 => {
+            written_attributes(&root, report);
+            aliases(description, report);
+        }
+        FmiVersion::V3 => {
+            independent(description, report);
+            fmi3::check(&root, description, report);
+        }
     }
     structure(description, report);
     elements
@@ -171,15 +180,17 @@ fn is_date_time(text: &str) -> bool {
 
 /// Lookup tables for the definitions that variables refer to.
 struct Known<'a> {
+    /// Pairs of a unit and a display unit, including those that the parsed description omits.
     display_units: HashSet<(&'a str, &'a str)>,
     /// Values of the items of each enumeration.
     items: HashMap<&'a str, HashSet<i64>>,
 }
 
 impl<'a> Known<'a> {
-    fn new(description: &'a ModelDescription) -> Self {
-        let units = description.units.iter();
-        let pairs = units.flat_map(|unit| unit.display_units.iter().map(|shown| (&*unit.name, &*shown.name)));
+    fn new(root: &'a Element, description: &'a ModelDescription) -> Self {
+        let name = |element: &'a Element| element.attribute("name").unwrap_or_default();
+        let units = root.child("UnitDefinitions").into_iter().flat_map(|units| &units.children);
+        let pairs = units.flat_map(|unit| unit.children.iter().map(move |shown| (name(unit), name(shown))));
         let mut items: HashMap<&str, HashSet<i64>> = HashMap::new();
         for variable in description.variables.iter().filter(|variable| !variable.items.is_empty()) {
             if let Some(name) = variable.declared_type.as_deref() {
@@ -227,11 +238,17 @@ fn rules_of_variable(description: &ModelDescription, variable: &Variable, known:
         Causality::Parameter | Causality::StructuralParameter => initial == Some(Initial::Exact),
         // FMI 3.0 allows only these; FMI 2.0 allows no `initial`, which `written_attributes` checks.
         Causality::Input if description.fmi == FmiVersion::V3 => matches!(initial, None | Some(Initial::Exact)),
+        Causality::Independent if description.fmi == FmiVersion::V3 => initial.is_none(),
         Causality::CalculatedParameter => initial != Some(Initial::Exact),
-        _ => true,
+        Causality::Local if matches!(variability, Variability::Fixed | Variability::Tunable) => {
+            initial != Some(Initial::Exact)
+        }
+        _ => variability != Variability::Constant || initial == Some(Initial::Exact),
     };
     if let Some(initial) = initial.filter(|_| !is_initial_allowed) {
-        error(format!("causality {causality:?} and initial {initial:?} do not go together"));
+        error(format!(
+            "causality {causality:?}, variability {variability:?} and initial {initial:?} do not go together"
+        ));
     }
     if variability == Variability::Continuous && variable.base_type != BaseType::Real {
         error(format!("is a continuous {}; only a Real can be continuous", variable.base_type));
@@ -239,27 +256,28 @@ fn rules_of_variable(description: &ModelDescription, variable: &Variable, known:
 
     let is_given = matches!(causality, Causality::Parameter | Causality::StructuralParameter | Causality::Input)
         || matches!(initial, Some(Initial::Exact | Initial::Approx));
-    if is_given && !variable.has_start() {
+    if is_given && !variable.has_start() && variable.size > 0 {
         error("has no start value, which inputs, parameters and variables with initial exact or approx need".into());
     }
     if !is_given && variable.has_start() {
         error("has a start value, although it is calculated".to_owned());
     }
 
-    if let Some(unit) = &variable.unit {
-        match description.unit(unit) {
-            None => error(format!("its unit `{unit}` is not defined in UnitDefinitions")),
-            Some(_) => {
-                if let Some(display) = &variable.display_unit
-                    && display != unit
-                    && !known.display_units.contains(&(&**unit, &**display))
-                {
-                    error(format!("its display unit `{display}` is not one of the unit `{unit}`"));
-                }
-            }
-        }
-    }
     limits(variable, known, &mut error);
+}
+
+fn units(description: &ModelDescription, variable: &Variable, known: &Known<'_>, report: Report<'_>) {
+    let mut error = |message: String| report(Finding::error(variable_named(&variable.name), message));
+    match (&variable.unit, &variable.display_unit) {
+        (Some(unit), _) if description.unit(unit).is_none() => {
+            error(format!("its unit `{unit}` is not defined in UnitDefinitions"));
+        }
+        (Some(unit), Some(display)) if display != unit && !known.display_units.contains(&(&**unit, &**display)) => {
+            error(format!("its display unit `{display}` is not one of the unit `{unit}`"));
+        }
+        (None, Some(display)) => error(format!("has the display unit `{display}`, but no unit")),
+        _ => (),
+    }
 }
 
 fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String)) {
@@ -403,9 +421,11 @@ fn structure(description: &ModelDescription, report: Report<'_>) {
     };
     let outputs = all(&|_, variable| variable.causality == Causality::Output);
     let derivatives: BTreeSet<usize> = description.derivatives.iter().map(|unknown| unknown.variable).collect();
+    let listed: BTreeSet<usize> = description.initial_unknowns.iter().map(|unknown| unknown.variable).collect();
     let initial = all(&|i, variable| {
         let is_unknown = variable.causality == Causality::Output || states.contains(&i) || derivatives.contains(&i);
-        let is_unknown = is_unknown && variable.clocks.is_empty();
+        // The FMU chooses which clocked variables it initializes.
+        let is_unknown = if variable.clocks.is_empty() { is_unknown } else { listed.contains(&i) };
         variable.causality == Causality::CalculatedParameter || (is_unknown && is_calculated(variable))
     });
 

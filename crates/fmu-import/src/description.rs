@@ -446,7 +446,7 @@ pub struct Clock {
     pub description: Option<String>,
 }
 
-/// Kind of a clock (FMI 3.0.2, section 2.2.9).
+/// Kind of a clock (FMI 3.0.2, section 2.2.8.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub enum IntervalVariability {

@@ -295,7 +295,7 @@ fn check_kinds(element: &Element, fmi: FmiVersion, dependencies: Option<usize>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{BaseType, DataType, Dimension, Initial, Value, Variability};
+    use crate::description::{BaseType, DataType, Dimension, Initial, IntervalVariability, Value, Variability};
 
     const VEHICLE: &str = include_str!("../../tests/data/Vehicle.xml");
 
@@ -394,6 +394,30 @@ mod tests {
         assert_eq!(d.outputs[0].dependencies, Some(["inflow", "image"].map(|name| d.index(name).unwrap()).to_vec()));
         assert_eq!((d.event_indicators.len(), d.number_of_event_indicators), (1, 6));
         assert_eq!(d.number_of_states(), 1);
+    }
+
+    /// FMI 3.0.2, sections 2.4.7.2 (the length may be a constant) and 2.4.7.5 (a type has the defaults of its variables).
+    #[test]
+    fn constant_lengths_and_types_of_clocks_are_read() {
+        let (constant, clock_type) = (
+            "<UInt64 name=\"three\" valueReference=\"20\" variability=\"constant\" start=\"3\"/><Int8 name=\"weights\"",
+            "<ClockType name=\"Task\" intervalVariability=\"constant\" intervalDecimal=\"0.5\" shiftDecimal=\"0.25\"/>",
+        );
+        let text = TANK
+            .replacen("<Dimension start=\"3\"/>", "<Dimension valueReference=\"20\"/>", 1)
+            .replacen("<Int8 name=\"weights\"", constant, 1)
+            .replacen("<Float64Type", &format!("{clock_type}<Float64Type"), 1);
+        let own = "causality=\"output\" intervalVariability=\"triggered\"";
+        let text = text.replacen(own, "causality=\"input\" declaredType=\"Task\" shiftDecimal=\"0\"", 1);
+        let d = ModelDescription::parse(&text).unwrap();
+        assert_eq!(d.variable("weights").unwrap().dimensions, [Dimension::Fixed(3)]);
+        let clock = &d.clocks[0];
+        assert_eq!(clock.interval_variability, IntervalVariability::Constant);
+        assert_eq!(
+            (clock.interval, clock.shift),
+            (Some(0.5), 0.0),
+            "the shift of the clock overrides that of the type"
+        );
     }
 
     #[test]

@@ -30,6 +30,30 @@ pub(super) fn identity(element: &Element) -> Result<(String, Reference), XmlErro
     }
 }
 
+/// The declared type of a variable.
+pub(super) fn declared<'t, 'a>(
+    own: &Element,
+    name: &str,
+    data_type: DataType,
+    types: &'t Types<'a>,
+) -> Result<Option<&'t Type<'a>>, XmlError> {
+    let Some(type_name) = own.attribute("declaredType") else { return Ok(None) };
+    let problem = match types.get(type_name) {
+        Some(definition) if definition.data_type == data_type => return Ok(Some(definition)),
+        Some(_) => "has another base type",
+        None => "is not defined",
+    };
+    Err(own.place.error(format!("variable `{name}`: type `{type_name}` {problem}")))
+}
+
+/// The element whose attribute applies: the declared type, if the variable does not have the attribute.
+pub(super) fn source<'a>(own: &'a Element, declared: Option<&Type<'a>>, attribute: &str) -> &'a Element {
+    match (own.attribute(attribute), declared) {
+        (None, Some(definition)) => definition.element,
+        _ => own,
+    }
+}
+
 /// Reads a scalar, without its start value and its references to other variables. Attributes in `own` override
 /// attributes of the declared type.
 pub(super) fn variable(
@@ -60,22 +84,8 @@ pub(super) fn variable(
         _ => Some(Initial::Calculated),
     };
     let initial = chosen(element, "initial", fmi)?.or(default);
-    let declared = match own.attribute("declaredType") {
-        None => None,
-        Some(type_name) => match types.get(type_name) {
-            Some(definition) if definition.data_type == data_type => Some(definition),
-            Some(_) => {
-                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` has another base type")));
-            }
-            None => {
-                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
-            }
-        },
-    };
-    let source = |attribute: &str| match (own.attribute(attribute), declared) {
-        (None, Some(definition)) => definition.element,
-        _ => own,
-    };
+    let declared = declared(own, &name, data_type, types)?;
+    let source = |attribute: &str| source(own, declared, attribute);
     let text = |attribute| {
         let text = source(attribute).attribute(attribute);
         text.map(|text| check_length(source(attribute), attribute, text, MAX_INHERITED).map(|()| text.to_string()))

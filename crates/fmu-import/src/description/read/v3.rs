@@ -9,7 +9,7 @@ use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 use crate::description::{
     Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, StructuralParameters, Unknown,
-    Value, Variable,
+    Value, Variability, Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
@@ -59,6 +59,8 @@ impl<'a> VariableReader<'a> {
         let aliases = element.children.iter().filter(|child| child.name == "Alias");
         let Some(base_type) = data_type.base_type() else {
             let causality = causality(element, FMI)?;
+            let declared = types::declared(element, &name, data_type, types)?;
+            let source = |attribute: &str| types::source(element, declared, attribute);
             let text = |element: &Element| element.attribute("description").map(str::to_string);
             for named in std::iter::once(element).chain(aliases) {
                 let name = bounded(named, "name", MAX_NAME)?.to_string();
@@ -68,10 +70,10 @@ impl<'a> VariableReader<'a> {
                     name,
                     reference,
                     causality,
-                    interval_variability: chosen(element, "intervalVariability", FMI)?
+                    interval_variability: chosen(source("intervalVariability"), "intervalVariability", FMI)?
                         .unwrap_or(IntervalVariability::Triggered),
-                    interval: element.real("intervalDecimal")?,
-                    shift: element.real("shiftDecimal")?.unwrap_or(0.0),
+                    interval: source("intervalDecimal").real("intervalDecimal")?,
+                    shift: source("shiftDecimal").real("shiftDecimal")?.unwrap_or(0.0),
                     clocks: clocks(element)?,
                     description,
                 });
@@ -176,8 +178,12 @@ impl<'a> VariableReader<'a> {
                     Some(i) if self.variables.list[i].causality == Causality::StructuralParameter => {
                         Ok(Dimension::Parameter(i))
                     }
+                    Some(i) if self.variables.list[i].variability == Variability::Constant => {
+                        self.length(element, i).map(Dimension::Fixed)
+                    }
                     _ => Err(dimension.place.error(format!(
-                        "<Dimension> refers to the value reference {reference}, which is not a structural parameter"
+                        "<Dimension> refers to the value reference {reference}, which is not a structural parameter or \
+                         constant"
                     ))),
                 }
             })
@@ -185,12 +191,13 @@ impl<'a> VariableReader<'a> {
     }
 
     fn length(&self, element: &Element, parameter: usize) -> Result<usize, XmlError> {
-        let given = self.given.get(&self.variables.list[parameter].name).and_then(Value::whole);
-        let given = given.and_then(|value| usize::try_from(value).ok());
+        let variable = &self.variables.list[parameter];
+        let given = self.given.get(&variable.name).filter(|_| variable.causality == Causality::StructuralParameter);
+        let given = given.and_then(Value::whole).and_then(|value| usize::try_from(value).ok());
         let written = self.elements[parameter].parsed("start", "a whole number from 0")?;
         given.or(written).ok_or_else(|| {
-            let name = &self.variables.list[parameter].name;
-            element.place.error(format!("the structural parameter `{name}` must have a start value"))
+            let name = &variable.name;
+            element.place.error(format!("`{name}` is the length of an array, so it must have a start value"))
         })
     }
 
