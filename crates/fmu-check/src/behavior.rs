@@ -11,6 +11,7 @@ mod reset;
 mod stack;
 mod states;
 mod step_size;
+mod structure;
 mod types;
 mod values;
 
@@ -20,6 +21,7 @@ use fmu_import::description::{BaseType, Causality, FmiVersion, Interface, ModelD
 use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
+use structure::{STRUCTURE, Structure};
 
 const STEPS: usize = 40;
 /// Maximum number of internal steps in a communication step, for an FMU with a fixed internal step size.
@@ -219,7 +221,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 16] = [
+        let stages: [(&str, Topic, Stage<'_>); 17] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -234,6 +236,7 @@ impl Trial<'_> {
             ("dependencies between steps", Standard, Self::step_dependencies),
             ("step size of the solver", Simulation, Self::step_size),
             ("types of FMI 3.0", Standard, Self::types),
+            (STRUCTURE, Standard, Self::structure),
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),
         ];
@@ -412,6 +415,17 @@ impl Trial<'_> {
             (Severity::Error, String::new())
         };
         Some(Finding { severity, ..Finding::error(subject, message + &explanation) })
+    }
+
+    fn structure(&self, report: Report<'_>) -> CheckResult<()> {
+        let structure = Structure {
+            description: self.description,
+            start: self.start,
+            instance: &|name| self.instance(name),
+            advance: &|instance, k| instance.do_step(self.start + self.step * k as f64, self.step),
+            is_exchange: false,
+        };
+        structure.check(report)
     }
 
     fn end(&self, _: Report<'_>) -> CheckResult<()> {

@@ -271,3 +271,58 @@ fn rules_of_descriptions_of_fmi_3() {
         assert!(lines.iter().any(|line| line.starts_with(expected)), "{expected}: {lines:#?}");
     }
 }
+
+/// FMI 3.0.2, sections 2.4.7.2 and 2.3.6: after Configuration Mode, and after Reconfiguration Mode if the parameter is
+/// tunable, arrays have the new lengths. The FMU is tried with the lengths 2, 5 and 3.
+#[test]
+fn lengths_that_structural_parameters_set_are_checked() {
+    let edits = [
+        (
+            "name=\"wide\" valueReference=\"14\" causality=\"parameter\" start=\"7\"",
+            "name=\"wide\" valueReference=\"14\" causality=\"structuralParameter\" variability=\"tunable\" start=\"3\" min=\"2\" max=\"5\"",
+        ),
+        ("<Dimension start=\"3\"/>", "<Dimension valueReference=\"14\"/>"),
+        ("<Dimension start=\"3\"/>", "<Dimension valueReference=\"14\"/>"),
+    ];
+    let lines = |defects: &[&str]| checked(&Decay { defects, edits: &edits, ..Decay::new(FmiVersion::V3) });
+    let (looked_at, sound) = lines(&["RESIZED"]);
+    assert_eq!(sound, [""; 0]);
+    let trials = looked_at.trials.iter().filter(|trial| trial.ends_with("structural parameters"));
+    assert_eq!(trials.count(), 2, "{looked_at:?}");
+
+    let status = "returned fmi3Error";
+    let twice = |line: String| vec![line.clone(), line];
+    for (defects, expected) in [
+        (
+            &["RESIZED", "KEEPS_LENGTH"][..],
+            twice(format!(
+                "error: variable `v`: must have 2 elements when `wide` has the value 2: fmi3SetFloat64 {status}"
+            )),
+        ),
+        (
+            &["RESIZED", "ONLY_BEFORE_START"],
+            twice(format!(
+                "error: variable `wide`: cannot have the value 2 in Reconfiguration Mode, although it is within the limits: \
+                 fmi3EnterConfigurationMode {status}"
+            )),
+        ),
+        (&["RESIZED", "ANY_COUNT"], twice("warning: variable `v`: gives 3 values although it has 2 elements".into())),
+        (
+            &["RESIZED", "COUNTS_ELEMENTS"],
+            vec!["error: fmi3GetNumberOfContinuousStates: gives 0 when `wide` has the value 2, but must give 1".into()],
+        ),
+        (
+            &[],
+            twice(format!(
+                "error: variable `wide`: cannot have the value 2 in Configuration Mode, although it is within the limits: \
+                 fmi3EnterConfigurationMode {status}"
+            )),
+        ),
+    ] {
+        let found = lines(defects).1;
+        let of_trial = found.iter().filter(|line| {
+            ["`wide`", "3 values"].iter().any(|text| line.contains(text)) && !line.contains("start value")
+        });
+        assert_eq!(of_trial.cloned().collect::<Vec<_>>(), expected, "{defects:?}");
+    }
+}

@@ -4,6 +4,7 @@ mod integration;
 
 use super::experiment::EXPERIMENT;
 use super::stack::{STACK, taken, warn_above_limit};
+use super::structure::{STRUCTURE, Structure, is_structural};
 use super::{CheckResult, Report, adjoint, derivative_problem, describe, found, instantiation, is_same_derivative};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
 use fmu_import::description::{BaseType, Capabilities, FmiVersion, Interface, ModelDescription, Value, Variable};
@@ -90,7 +91,7 @@ pub(crate) fn check(
         instances: Cell::new(0),
         made: Cell::new(0),
     };
-    let stages: [(&str, Topic, Stage<'_>); 9] = [
+    let stages: [(&str, Topic, Stage<'_>); 10] = [
         ("the event at the start", Topic::Simulation, Exchange::start_of_event),
         ("states with derivatives and event indicators", Topic::Simulation, Exchange::values),
         ("saved states", Topic::Standard, Exchange::saved_states),
@@ -98,6 +99,7 @@ pub(crate) fn check(
         ("another start time", Topic::Simulation, Exchange::another_start),
         (EXPERIMENT, Topic::Simulation, Exchange::experiment),
         ("partial derivatives", Topic::Standard, Exchange::directional),
+        (STRUCTURE, Topic::Standard, Exchange::structure),
         ("the end", Topic::Standard, Exchange::end),
         (STACK, Topic::Simulation, Exchange::stack),
     ];
@@ -110,7 +112,7 @@ pub(crate) fn check(
     };
     for (name, topic, stage) in stages {
         // The default experiment runs once, if possible in co-simulation, which needs no solver in the importer.
-        if name == EXPERIMENT && co_simulation.is_some() {
+        if (name == EXPERIMENT && co_simulation.is_some()) || (name == STRUCTURE && !is_structural(description)) {
             continue;
         }
         let name = format!("{MODEL_EXCHANGE}{name}");
@@ -423,6 +425,17 @@ impl Exchange<'_> {
         }
         warn_above_limit(report, &format!("{MODEL_EXCHANGE}{STACK}"), &sizes);
         Ok(())
+    }
+
+    fn structure(&self, report: Report<'_>) -> Outcome<()> {
+        let structure = Structure {
+            description: self.description,
+            start: self.start,
+            instance: &|name| self.instance(name),
+            advance: &|instance, _| instance.new_discrete_states().map(|_| ()),
+            is_exchange: true,
+        };
+        Ok(structure.check(report)?)
     }
 
     fn end(&self, _: Report<'_>) -> Outcome<()> {

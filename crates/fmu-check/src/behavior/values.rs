@@ -18,7 +18,7 @@ impl Trial<'_> {
     pub(super) fn settable(&self) -> Vec<usize> {
         self.filtered(|variable| {
             variable.start.is_some()
-                && variable.variability != Variability::Constant
+                && is_variable(variable)
                 && (matches!(variable.causality, Causality::Parameter | Causality::Input)
                     || matches!(variable.initial, Some(Initial::Exact | Initial::Approx)))
         })
@@ -27,7 +27,7 @@ impl Trial<'_> {
     /// Variables that can be set in Initialization Mode (FMI 2.0.4, section 4.2.4): the knowns of InitialUnknowns.
     pub(super) fn settable_in_initialization(&self) -> Vec<usize> {
         self.filtered(|variable| {
-            variable.variability != Variability::Constant
+            is_variable(variable)
                 && (matches!(variable.causality, Causality::Parameter | Causality::Input)
                     || variable.initial == Some(Initial::Exact))
         })
@@ -75,6 +75,11 @@ impl Trial<'_> {
             others: differing.count(),
         })
     }
+}
+
+/// False for constants, and for structural parameters, which can be set in Configuration Mode only.
+fn is_variable(variable: &Variable) -> bool {
+    variable.variability != Variability::Constant && variable.causality != Causality::StructuralParameter
 }
 
 /// A variable that has another value than before.

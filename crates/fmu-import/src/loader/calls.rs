@@ -49,7 +49,7 @@ functions! {
         FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset GetBoolean
         GetString SetBoolean SetString GetFloat32 SetFloat32 GetInt8 SetInt8 GetUInt8 SetUInt8 GetInt16 SetInt16
         GetUInt16 SetUInt16 GetUInt32 SetUInt32 GetInt64 SetInt64 GetUInt64 SetUInt64 GetBinary SetBinary
-        SetDebugLogging GetDirectionalDerivative GetAdjointDerivative
+        SetDebugLogging GetDirectionalDerivative GetAdjointDerivative EnterConfigurationMode ExitConfigurationMode
         GetReal ["GetReal" "GetFloat64"]
         GetInteger ["GetInteger" "GetInt32"]
         SetReal ["SetReal" "SetFloat64"]
@@ -63,7 +63,7 @@ functions! {
     Some(Interface::CoSimulation) =>
         DoStep CancelStep GetRealStatus GetBooleanStatus
         InstantiateCoSimulation ["Instantiate" "InstantiateCoSimulation"]
-        EnterConfigurationMode ExitConfigurationMode EnterStepMode GetClock SetClock GetIntervalDecimal GetShiftDecimal
+        EnterStepMode GetClock SetClock GetIntervalDecimal GetShiftDecimal
         SetInputDerivatives ["SetRealInputDerivatives" "SetRealInputDerivatives"]
         GetOutputDerivatives ["GetRealOutputDerivatives" "GetOutputDerivatives"];
     Some(Interface::ModelExchange) =>

@@ -4,9 +4,10 @@ use super::calls::Function;
 use super::error::CallError;
 use super::functions::Functions;
 use super::instance::Instance;
+use crate::c_api::Reference;
 
 impl Instance {
-    /// `fmi3EnterConfigurationMode`.
+    /// `fmi3EnterConfigurationMode`. After the initialization, the FMU enters Reconfiguration Mode.
     pub fn enter_configuration_mode(&mut self) -> Result<(), CallError> {
         self.call_present(Function::EnterConfigurationMode, |f, c| match f {
             // SAFETY: live instance.
@@ -21,6 +22,22 @@ impl Instance {
             // SAFETY: live instance.
             Functions::V3(f) => f.exit_configuration_mode.map(|exit| unsafe { exit(c) }),
             Functions::V2(_) => None,
+        })
+    }
+
+    /// `fmi3GetFloat64` for an array of any length. All other methods use the lengths in the description.
+    pub fn get_array(&mut self, array: Reference, values: &mut [f64]) -> Result<(), CallError> {
+        // SAFETY: live instance; the array has the stated length.
+        self.call_v3(Function::GetReal, |f, c| unsafe {
+            Some((f.get_float64)(c, &raw const array, 1, values.as_mut_ptr(), values.len()))
+        })
+    }
+
+    /// `fmi3SetFloat64` for an array of any length.
+    pub fn set_array(&mut self, array: Reference, values: &[f64]) -> Result<(), CallError> {
+        // SAFETY: live instance; the array has the stated length.
+        self.call_v3(Function::SetReal, |f, c| unsafe {
+            Some((f.set_float64)(c, &raw const array, 1, values.as_ptr(), values.len()))
         })
     }
 

@@ -4,7 +4,8 @@
    Outputs: y = x + u, w = x v (an array of 3), y32 = u / 2, not = !flag, next = mode + 1, sum = small + wide.
    Value references, the same in both versions (FMI 2.0 has the first 8 only):
    0 time, 1 x, 2 der(x), 3 k, 4 u, 5 y, 6 count, 7 crossing, 8 y32, 9 flag, 10 not, 11 label, 12 resources, 13 small,
-   14 wide, 15 sum, 16 mode, 17 next, 18 v, 19 w, 20 bits. Each of the other macros causes a defect. */
+   14 wide, 15 sum, 16 mode, 17 next, 18 v, 19 w, 20 bits. With the macro RESIZED, wide is a tunable structural parameter:
+   the length of v and w, 3 at the start, at most 8. Each of the other macros causes a defect. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -16,7 +17,7 @@
 enum { TIME, X, DX, K, U, Y, COUNT, CROSSING, Y32, FLAG, NOT, LABEL, RESOURCES, SMALL, WIDE, SUM, MODE, NEXT, V, W, BITS };
 
 typedef struct {
-    double time, x, k, u, v[3];
+    double time, x, k, u, v[8];
     int count, first;
     bool flag, bits[2], below;
     int8_t small;
@@ -26,13 +27,17 @@ typedef struct {
 typedef struct {
     Values m;
     char label[32], resources[512];
-    int exchange;
+    int exchange, started;
 } Instance;
 
 static void start(Instance *i) {
     Values m = {.x = 1, .k = 2, .v = {1, 2, 3}, .bits = {true, false}, .small = 3, .wide = 7, .mode = 1, .first = 1};
+#ifdef RESIZED
+    m.wide = 3;
+#endif
     i->m = m;
     i->label[0] = 0;
+    i->started = 0;
 }
 static double derivative(const Instance *i) {
 #ifdef NOT_FINITE
@@ -100,7 +105,13 @@ static double partial(const Instance *i, unsigned unknown, size_t row, unsigned 
     if (unknown == W) return known == X ? i->m.v[row] : known == V && row == column ? i->m.x : 0;
     return 0;
 }
-static size_t size(unsigned r) { return r == V || r == W ? 3 : r == BITS ? 2 : 1; }
+static size_t size(const Instance *i, unsigned r) {
+#if defined RESIZED && !defined KEEPS_LENGTH
+    if (r == V || r == W) return i->m.wide;
+#endif
+    (void)i;
+    return r == V || r == W ? 3 : r == BITS ? 2 : 1;
+}
 
 /* Shared by both versions */
 #define STATE(Name, Deserialize, Byte)                                                                  \
@@ -302,27 +313,33 @@ EXPORT int fmi3SetDebugLogging(void *c, bool on, size_t n, const char *const *s)
 EXPORT int fmi3EnterInitializationMode(void *c, bool td, double tol, double t0, bool sd, double t1) {
     (void)td, (void)tol, (void)sd, (void)t1;
     ((Instance *)c)->m.time = t0;
+    ((Instance *)c)->started = 1;
     return 0;
 }
 /* Values of each type, element by element. A reference to another type is an error. */
+#ifdef ANY_COUNT
+#define IS_COUNT(at, nv) true
+#else
+#define IS_COUNT(at, nv) (at == nv)
+#endif
 #define ACCESS(Name, type, get, set)                                                                              \
     EXPORT int fmi3Get##Name(void *c, const unsigned *r, size_t n, type *v, size_t nv) {                           \
         Instance *i = c;                                                                                          \
         size_t at = 0;                                                                                            \
         (void)i, (void)v;                                                                                         \
         for (size_t k = 0; k < n; k++)                                                                            \
-            for (size_t e = 0; e < size(r[k]); e++, at++) {                                                       \
+            for (size_t e = 0; e < size(i, r[k]); e++, at++) {                                                    \
                 if (at >= nv) return 3;                                                                           \
                 get                                                                                               \
             }                                                                                                     \
-        return at == nv ? 0 : 3;                                                                                  \
+        return IS_COUNT(at, nv) ? 0 : 3;                                                                          \
     }                                                                                                             \
     EXPORT int fmi3Set##Name(void *c, const unsigned *r, size_t n, const type *v, size_t nv) {                     \
         Instance *i = c;                                                                                          \
         size_t at = 0;                                                                                            \
         (void)i, (void)v;                                                                                         \
         for (size_t k = 0; k < n; k++)                                                                            \
-            for (size_t e = 0; e < size(r[k]); e++, at++) {                                                       \
+            for (size_t e = 0; e < size(i, r[k]); e++, at++) {                                                    \
                 if (at >= nv) return 3;                                                                           \
                 set                                                                                               \
             }                                                                                                     \
@@ -358,10 +375,10 @@ ACCESS(String, Text,
         for (size_t o = 0; o < no; o++) out[o] = 0;                                                                \
         size_t row = 0;                                                                                            \
         for (size_t a = 0; a < nu; a++)                                                                            \
-            for (size_t e = 0; e < size(u[a]); e++, row++) {                                                       \
+            for (size_t e = 0; e < size(c, u[a]); e++, row++) {                                                    \
                 size_t column = 0;                                                                                 \
                 for (size_t b = 0; b < nk; b++)                                                                    \
-                    for (size_t f = 0; f < size(k[b]); f++, column++) {                                            \
+                    for (size_t f = 0; f < size(c, k[b]); f++, column++) {                                         \
                         size_t from = adjoint ? row : column;                                                      \
                         size_t to = adjoint ? column : row;                                                        \
                         if (from >= ns || to >= no) return 3;                                                      \
@@ -406,14 +423,33 @@ EXPORT int fmi3CompletedIntegratorStep(void *c, bool final, bool *enter, bool *t
     *enter = *terminate = false;
     return 0;
 }
-EXPORT int fmi3GetNumberOfContinuousStates(void *c, size_t *n) { (void)c; *n = 1; return 0; }
+EXPORT int fmi3GetNumberOfContinuousStates(void *c, size_t *n) {
+    *n = 1;
+#ifdef COUNTS_ELEMENTS
+    *n = size(c, V) - 2;
+#endif
+    (void)c;
+    return 0;
+}
 EXPORT int fmi3GetNumberOfEventIndicators(void *c, size_t *n) { (void)c; *n = 1; return 0; }
 /* Not supported */
 #define NONE(Name) EXPORT int fmi3##Name(void) { return 3; }
 NONE(GetBinary) NONE(SetBinary) NONE(GetClock) NONE(SetClock) NONE(GetNumberOfVariableDependencies)
-NONE(GetVariableDependencies) NONE(EnterConfigurationMode) NONE(ExitConfigurationMode) NONE(GetIntervalDecimal)
+NONE(GetVariableDependencies) NONE(GetIntervalDecimal)
 NONE(GetIntervalFraction) NONE(GetShiftDecimal) NONE(GetShiftFraction) NONE(SetIntervalDecimal) NONE(SetIntervalFraction)
 NONE(SetShiftDecimal) NONE(SetShiftFraction) NONE(EvaluateDiscreteStates) NONE(EnterStepMode) NONE(GetOutputDerivatives)
+#ifdef RESIZED
+EXPORT int fmi3EnterConfigurationMode(void *c) {
+#ifdef ONLY_BEFORE_START
+    if (((Instance *)c)->started) return 3;
+#endif
+    (void)c;
+    return 0;
+}
+EXPORT int fmi3ExitConfigurationMode(void *c) { (void)c; return 0; }
+#else
+NONE(EnterConfigurationMode) NONE(ExitConfigurationMode)
+#endif
 #ifndef UNEXPORTED
 NONE(ActivateModelPartition)
 #endif
