@@ -423,7 +423,7 @@ impl Trial<'_> {
             start: self.start,
             instance: &|name| self.instance(name),
             advance: &|instance, k| instance.do_step(self.start + self.step * k as f64, self.step),
-            is_exchange: false,
+            interface: Interface::CoSimulation,
         };
         structure.check(report)
     }

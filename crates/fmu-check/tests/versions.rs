@@ -291,22 +291,25 @@ fn lengths_that_structural_parameters_set_are_checked() {
     assert_eq!(trials.count(), 2, "{looked_at:?}");
 
     let status = "returned fmi3Error";
-    let twice = |line: String| vec![line.clone(), line];
+    let twice = |line: String| ["co-simulation", "model exchange"].map(|name| line.replace("IN", name)).to_vec();
     for (defects, expected) in [
         (
             &["RESIZED", "KEEPS_LENGTH"][..],
             twice(format!(
-                "error: variable `v`: must have 2 elements when `wide` has the value 2: fmi3SetFloat64 {status}"
+                "error: variable `v`: must have 2 elements when `wide` has the value 2 (IN): fmi3SetFloat64 {status}"
             )),
         ),
         (
             &["RESIZED", "ONLY_BEFORE_START"],
             twice(format!(
-                "error: variable `wide`: cannot have the value 2 in Reconfiguration Mode, although it is within the limits: \
+                "error: variable `wide`: cannot have the value 2 in Reconfiguration Mode, although it is within the limits (IN): \
                  fmi3EnterConfigurationMode {status}"
             )),
         ),
-        (&["RESIZED", "ANY_COUNT"], twice("warning: variable `v`: gives 3 values although it has 2 elements".into())),
+        (
+            &["RESIZED", "ANY_COUNT"],
+            twice("warning: variable `v`: gives 3 values although it has 2 elements (IN)".into()),
+        ),
         (
             &["RESIZED", "COUNTS_ELEMENTS"],
             vec!["error: fmi3GetNumberOfContinuousStates: gives 0 when `wide` has the value 2, but must give 1".into()],
@@ -314,7 +317,7 @@ fn lengths_that_structural_parameters_set_are_checked() {
         (
             &[],
             twice(format!(
-                "error: variable `wide`: cannot have the value 2 in Configuration Mode, although it is within the limits: \
+                "error: variable `wide`: cannot have the value 2 in Configuration Mode, although it is within the limits (IN): \
                  fmi3EnterConfigurationMode {status}"
             )),
         ),

@@ -433,7 +433,7 @@ impl Exchange<'_> {
             start: self.start,
             instance: &|name| self.instance(name),
             advance: &|instance, _| instance.new_discrete_states().map(|_| ()),
-            is_exchange: true,
+            interface: Interface::ModelExchange,
         };
         Ok(structure.check(report)?)
     }

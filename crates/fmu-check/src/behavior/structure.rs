@@ -3,7 +3,9 @@
 
 use super::{CheckResult, Report, describe, found};
 use crate::{Finding, Severity};
-use fmu_import::description::{Causality, DataType, Dimension, ModelDescription, Value, Variability, Variable};
+use fmu_import::description::{
+    Causality, DataType, Dimension, Interface, ModelDescription, Value, Variability, Variable,
+};
 use fmu_import::loader::{CallError, Instance};
 
 /// Name of the trial.
@@ -23,7 +25,7 @@ pub(super) struct Structure<'a> {
     pub(super) instance: &'a dyn Fn(&str) -> CheckResult<Instance>,
     /// Step with this number, or an update of the discrete states.
     pub(super) advance: &'a dyn Fn(&mut Instance, usize) -> CheckResult<()>,
-    pub(super) is_exchange: bool,
+    pub(super) interface: Interface,
 }
 
 impl Structure<'_> {
@@ -59,7 +61,7 @@ impl Structure<'_> {
 
     fn failure(&self, parameter: usize, problem: &str, error: &CallError) -> Finding {
         let name = &self.description.variables[parameter].name;
-        Finding::error(format!("variable `{name}`"), format!("{problem}: {}", describe(error)))
+        Finding::error(format!("variable `{name}`"), format!("{problem} ({}): {}", self.interface, describe(error)))
     }
 
     /// Sets the lengths one after the other, and continues with the last one.
@@ -92,7 +94,7 @@ impl Structure<'_> {
         if instance.get_array(array.reference, &mut vec![0.0; too_many]).is_err() {
             return Ok(());
         }
-        let message = format!("gives {too_many} values although it has {} elements", too_many - 1);
+        let message = format!("gives {too_many} values although it has {} elements ({})", too_many - 1, self.interface);
         Err(Finding::warning(format!("variable `{}`", array.name), message))
     }
 
@@ -120,8 +122,8 @@ impl Structure<'_> {
 
     fn wrong_size(&self, array: &Variable, to: (usize, usize), error: &CallError) -> Finding {
         let (size, parameter) = (size(array, to), &self.description.variables[to.0].name);
-        let message =
-            format!("must have {size} elements when `{parameter}` has the value {}: {}", to.1, describe(error));
+        let message = format!("must have {size} elements when `{parameter}` has the value {}", to.1);
+        let message = format!("{message} ({}): {}", self.interface, describe(error));
         Finding::error(format!("variable `{}`", array.name), message)
     }
 
@@ -135,7 +137,7 @@ impl Structure<'_> {
         }
         let derivatives = self.description.derivatives.iter();
         let states: usize = derivatives.map(|unknown| size(&self.description.variables[unknown.variable], to)).sum();
-        if !self.is_exchange {
+        if self.interface == Interface::CoSimulation {
             return Ok(());
         }
         let number = instance.get_number_of_states();

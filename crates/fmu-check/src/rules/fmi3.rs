@@ -12,6 +12,7 @@ const TYPES: &str = "2.4.4";
 const ARRAYS: &str = "2.4.7.2";
 const ATTRIBUTES: &str = "2.4.7.4";
 const STRUCTURE: &str = "2.4.8";
+const KINDS: &str = "2.2.8.2";
 
 /// Reports a violated rule: the subject, the message, and the section of the standard.
 type Violation<'a> = &'a mut dyn FnMut(&str, String, &str);
@@ -71,77 +72,48 @@ fn reference(element: &Element, attribute: &str) -> Option<Reference> {
 
 /// The rules of a clock, whose attributes override those of its declared type.
 fn clock(element: &Element, declared: Option<&Element>, is_scheduled: bool, error: Violation<'_>) {
-    let text = |attribute| element.attribute(attribute).or_else(|| declared?.attribute(attribute));
-    let has = |attribute| text(attribute).is_some();
-    let mut violated = |is_violated: bool, message: &str, section: &str| {
-        if is_violated {
-            error(&subject(element), message.to_owned(), section);
+    let text = |name| element.attribute(name).or_else(|| declared?.attribute(name)).map(str::trim);
+    let has = |name| text(name).is_some();
+    let kind = text("intervalVariability").unwrap_or("triggered");
+    let (causality, variability) = (text("causality").unwrap_or("local"), text("variability").unwrap_or("discrete"));
+    let (is_input, is_output) = (causality == "input", causality == "output");
+    let mut must = |holds: bool, rule: &str, section: &str| {
+        if !holds {
+            error(&subject(element), format!("is a {kind} {causality} clock, which must {rule}"), section);
         }
     };
-    let causality = text("causality").unwrap_or("local");
-    violated(
-        !matches!(causality, "input" | "output" | "local"),
-        &format!("is a Clock, which must be an input, an output or local, got causality=\"{causality}\""),
-        ATTRIBUTES,
-    );
-    let variability = text("variability").unwrap_or("discrete");
-    let message = format!("is a Clock, which must be discrete, got variability=\"{variability}\"");
-    violated(variability != "discrete", &message, ATTRIBUTES);
-    violated(
-        element.attribute("intervalVariability").is_none(),
-        "is a Clock, which must have the attribute `intervalVariability`",
-        TYPES,
-    );
-    let kind = text("intervalVariability").unwrap_or("triggered");
+    must(is_input || is_output || causality == "local", "be an input, an output or local", ATTRIBUTES);
+    must(variability == "discrete", &format!("be discrete, got variability=\"{variability}\""), ATTRIBUTES);
+    must(element.attribute("intervalVariability").is_some(), "have the attribute `intervalVariability`", TYPES);
+    must(kind == "triggered" || is_input, "be an input", KINDS);
+    must(kind != "constant" || has("intervalDecimal"), "have an interval: add `intervalDecimal`", TYPES);
+    must(!is_scheduled || !is_input || has("priority"), "have a `priority` for scheduled execution", TYPES);
+    must(!is_output || !has("priority"), "not have a `priority`", TYPES);
     let is_periodic = matches!(kind, "constant" | "fixed" | "tunable");
-    violated(
-        kind != "triggered" && causality != "input",
-        &format!("is a {kind} clock, which must be an input, got causality=\"{causality}\""),
-        "2.2.8.2",
-    );
-    violated(
-        kind == "constant" && !has("intervalDecimal"),
-        "is a constant clock, which must have an interval: add `intervalDecimal`",
-        TYPES,
-    );
-    let supports_fraction = matches!(text("supportsFraction").map(str::trim), Some("true" | "1"));
-    for attribute in ["intervalDecimal", "resolution", "intervalCounter"] {
-        let message = format!("is a {kind} clock, but only constant, fixed and tunable ones may have `{attribute}`");
-        violated(has(attribute) && !is_periodic, &message, TYPES);
+    for name in ["intervalDecimal", "resolution", "intervalCounter"].into_iter().filter(|name| has(name)) {
+        must(is_periodic, &format!("be constant, fixed or tunable, because it has `{name}`"), TYPES);
     }
-    for (attribute, needed) in [("shiftDecimal", "intervalDecimal"), ("shiftCounter", "intervalCounter")] {
-        violated(has(attribute) && !has(needed), &format!("has `{attribute}`, which needs `{needed}`"), TYPES);
+    let is_exact = matches!(text("supportsFraction"), Some("true" | "1")) && has("resolution");
+    let rule = "have supportsFraction=\"true\" and `resolution`, because it has `intervalCounter`";
+    must(is_exact || !has("intervalCounter"), rule, TYPES);
+    for (name, needed) in [("shiftDecimal", "intervalDecimal"), ("shiftCounter", "intervalCounter")] {
+        must(has(needed) || !has(name), &format!("have `{needed}`, because it has `{name}`"), TYPES);
     }
-    let message = "has `intervalCounter`, which needs supportsFraction=\"true\" and `resolution`";
-    violated(has("intervalCounter") && !(supports_fraction && has("resolution")), message, TYPES);
-    for (attribute, is_whole, is_positive) in [
-        ("intervalDecimal", false, true),
-        ("shiftDecimal", false, false),
-        ("resolution", true, true),
-        ("intervalCounter", true, true),
-        ("shiftCounter", true, false),
-        ("priority", true, false),
-    ] {
-        let Some(text) = text(attribute).map(str::trim) else { continue };
-        let in_range = |value: f64| value.is_finite() && if is_positive { value > 0.0 } else { value >= 0.0 };
-        let is_valid = text.parse().is_ok_and(in_range) && (!is_whole || text.parse::<u64>().is_ok());
-        let noun = if is_whole { "whole number" } else { "number" };
-        let range = if is_positive { "above 0" } else { "from 0" };
-        violated(!is_valid, &format!("`{attribute}` must be a {noun} {range}, got {text}"), TYPES);
+    let numbers = ["intervalDecimal", "resolution", "intervalCounter", "shiftDecimal", "shiftCounter", "priority"];
+    let number = |name| text(name)?.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+    for (i, name) in numbers.into_iter().enumerate() {
+        let Some(text) = text(name) else { continue };
+        let (is_positive, is_whole) = (i < 3, !name.ends_with("Decimal"));
+        let is_valid = number(name).is_some_and(|value| value > 0.0 || !is_positive);
+        let (word, range) = (if is_whole { " whole" } else { "" }, if is_positive { "above" } else { "from" });
+        let is_valid = is_valid && (!is_whole || text.parse::<u64>().is_ok());
+        must(is_valid, &format!("have a{word} number {range} 0 as `{name}`, got {text}"), TYPES);
     }
-    let number = |attribute| text(attribute)?.trim().parse::<f64>().ok();
-    if let [Some(interval), Some(counter), Some(resolution)] =
-        ["intervalDecimal", "intervalCounter", "resolution"].map(number)
-    {
-        let message = format!(
-            "`intervalDecimal` is {interval}, but `intervalCounter` / `resolution` is {counter} / {resolution}"
-        );
+    if let [Some(interval), Some(resolution), Some(counter), ..] = numbers.map(number) {
         // Decimals may be rounded.
-        violated((counter / resolution - interval).abs() > 1e-6 * interval, &message, TYPES);
+        let is_same = (counter / resolution - interval).abs() <= 1e-6 * interval;
+        must(is_same, &format!("have one interval, got {interval} s and {counter} / {resolution} s"), TYPES);
     }
-    let message = "is an input clock of an FMU with scheduled execution, which must have the attribute `priority`";
-    violated(is_scheduled && causality == "input" && !has("priority"), message, TYPES);
-    violated(causality == "output" && has("priority"), "is an output clock, which must not have `priority`", TYPES);
 }
 
 /// The rules of clocked variables and arrays. Collects the variables that are the length of an array.
@@ -153,13 +125,8 @@ fn variable(element: &Element, known: &Known<'_>, lengths: &mut HashSet<Referenc
     }
     let references = clocks.unwrap_or_default().split_ascii_whitespace().filter_map(|text| text.parse().ok());
     for reference in references.filter(|reference| !known.clocks.contains_key(reference)) {
-        let reason = match known.variables.get(&reference) {
-            Some(variable) => {
-                format!("which belongs to the {} `{}`, not to a Clock", variable.data_type, variable.name)
-            }
-            None => "which no variable has".to_owned(),
-        };
-        error(subject, format!("`clocks` contains the value reference {reference}, {reason}"), ATTRIBUTES);
+        let other = known.subject(reference);
+        error(subject, format!("has {other} in `clocks`, which is not a Clock"), ATTRIBUTES);
     }
     let variable = reference(element, "valueReference").and_then(|reference| known.variables.get(&reference));
     let Some(variable) = variable else { return };
@@ -218,49 +185,42 @@ fn structure(entries: &[Element], variables: &[Element], known: &Known<'_>, erro
     let mut all_previous = HashMap::new();
     for element in variables {
         let Some(own) = reference(element, "valueReference") else { continue };
-        let name = element.attribute("name").unwrap_or_default();
         if element.name == "Clock" {
             let is_output = element.attribute("causality") == Some("output");
             if is_output != is_listed("Output", own) {
-                let word =
-                    if is_output { "is an output clock, so it must" } else { "is not an output, so it must not" };
-                error(&subject(element), format!("{word} be listed in Output"), STRUCTURE);
+                let rule = if is_output { "is an output, so it must" } else { "is not an output, so it must not" };
+                error(&subject(element), format!("{rule} be listed in Output"), STRUCTURE);
             }
             continue;
         }
         let (previous, is_state) = (element.attribute("previous"), is_listed("ClockedState", own));
         let Some(variable) = known.variables.get(&own).filter(|_| is_state || previous.is_some()) else { continue };
-        let mut violated = |is_violated: bool, message: &str, section: &str| {
-            if is_violated {
-                error(&subject(element), message.to_owned(), section);
+        let mut must = |holds: bool, rule: &str, section: &str| {
+            if !holds {
+                error(&subject(element), format!("is a clocked state, which must {rule}"), section);
             }
         };
-        violated(!is_state, "has `previous`, so it must be listed in ClockedState", STRUCTURE);
-        violated(previous.is_none(), "is listed in ClockedState, so it must have the attribute `previous`", STRUCTURE);
-        let is_clocked = element.attribute("clocks").is_some();
-        violated(!is_clocked, "is a clocked state, so it must have the attribute `clocks`", STRUCTURE);
         let variability = variable.variability;
-        let message = format!("is a clocked state, so it must be discrete, got {variability:?}");
-        violated(variability != Variability::Discrete, &message, STRUCTURE);
+        must(is_state, "be listed in ClockedState", STRUCTURE);
+        must(previous.is_some(), "have the attribute `previous`", STRUCTURE);
+        must(element.attribute("clocks").is_some(), "have the attribute `clocks`", STRUCTURE);
+        must(variability == Variability::Discrete, &format!("be discrete, got {variability:?}"), STRUCTURE);
         let Some(text) = previous else { continue };
-        let Some((reference, old)) =
-            reference(element, "previous").and_then(|reference| Some((reference, known.variables.get(&reference)?)))
-        else {
-            let message = format!("has previous=\"{text}\", which is not the value reference of a variable");
-            violated(true, &message, ATTRIBUTES);
-            continue;
-        };
-        violated(reference == own, "has itself as `previous`", ATTRIBUTES);
-        let message = |is: String, rule: &str| format!("has `{}` as `previous`, which is {is}: {rule}", old.name);
-        let (types, rule) = ([variable.data_type, old.data_type], "both must have the same type");
-        violated(types[0] != types[1], &message(format!("of type {}, not {}", types[1], types[0]), rule), ATTRIBUTES);
-        let is_discrete = old.variability == Variability::Discrete;
-        violated(!is_discrete, &message(format!("{:?}", old.variability), "it must be discrete"), ATTRIBUTES);
-        let is_input = old.causality == Causality::Input;
-        violated(is_input, &message("an input".to_owned(), "it must not be one"), ATTRIBUTES);
-        if let Some(other) = all_previous.insert(reference, name) {
-            let rule = format!("that of `{other}`, too");
-            violated(true, &message(rule, "two variables must not have the same"), ATTRIBUTES);
-        }
+        let reference = reference(element, "previous").unwrap_or(own);
+        let old = known.variables.get(&reference).filter(|_| reference != own);
+        let rule = format!("have the value reference of another variable as `previous`, got {text}");
+        must(old.is_some(), &rule, ATTRIBUTES);
+        let Some(old) = old else { continue };
+        let (name, data_type) = (&old.name, variable.data_type);
+        let rule = format!("have a previous value of its type {data_type}, got `{name}` of type {}", old.data_type);
+        must(old.data_type == data_type, &rule, ATTRIBUTES);
+        let rule = format!("have a discrete previous value, got `{name}`, which is {:?}", old.variability);
+        must(old.variability == Variability::Discrete, &rule, ATTRIBUTES);
+        let rule = format!("have a previous value that is not an input, got `{name}`");
+        must(old.causality != Causality::Input, &rule, ATTRIBUTES);
+        let other = all_previous.insert(reference, &variable.name);
+        let rule =
+            format!("have a previous value of its own, got `{name}`, as has `{}`", other.map_or("", |name| name));
+        must(other.is_none(), &rule, ATTRIBUTES);
     }
 }
