@@ -5,7 +5,7 @@ use crate::model::Discrete;
 use crate::timeline::slack;
 use crate::variable::{Kind, Layout, Role};
 
-/// A triggered output clock (FMI 3.0, section 2.2.9): the model lets it tick, and the importer then activates the input
+/// A triggered output clock (FMI 3.0, section 2.2.8): the model lets it tick, and the importer then activates the input
 /// clocks that are connected to it. It is the type of a field of the outputs.
 ///
 /// FMI 2.0 has no clocks: there, it is a Boolean output that is true if the clock ticked during the last step.
@@ -476,7 +476,7 @@ mod tests {
         assert_eq!(timing, expected);
     }
 
-    /// FMI 3.0, section 2.2.9: t_i = t_(i-1) + the interval that is valid then.
+    /// FMI 3.0, section 2.2.8: t_i = t_(i-1) + the interval that is valid then.
     #[test]
     fn a_changed_interval_counts_from_the_last_tick() {
         let shift = Span::Decimal(0.5);

@@ -349,7 +349,7 @@ impl Variable {
     /// continuous-time.
     pub(crate) fn is_intermediate(&self) -> bool {
         let Declaration { kind, details, .. } = &self.declaration;
-        let is_continuous = matches!(kind, Kind::Real(_));
+        let is_continuous = matches!(kind, Kind::Real(_)) && !details.constant;
         is_continuous && (matches!(self.role, Role::Output | Role::State) || details.intermediate)
     }
     /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.

@@ -221,7 +221,7 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("the timing of the clock '{name}' cannot be set: {remedy}")))
     }
 
-    /// Rejects access to a clocked variable while its clock is not active (FMI 3.0, section 2.2.9). Without Event Mode,
+    /// Rejects access to a clocked variable while its clock is not active (FMI 3.0, section 2.2.8). Without Event Mode,
     /// clocks tick inside the steps, and clocked variables are ordinary ones.
     pub(super) fn check_clocked(&self, function: Function, references: &[u32]) -> CallResult {
         if !M::HAS_CLOCKS || !self.uses_event_mode || self.is_before_start() {

@@ -1,4 +1,4 @@
-//! Clocks. Reference: FMI 3.0.2, sections 2.2.9 (clocks), 2.3.5 (Event Mode) and 4.2 (co-simulation); counts and times
+//! Clocks. Reference: FMI 3.0.2, sections 2.2.8 (clocks), 2.3.5 (Event Mode) and 4.2 (co-simulation); counts and times
 //! in closed form.
 
 use std::path::PathBuf;
@@ -574,7 +574,7 @@ impl Discrete for Seen {
     }
 }
 
-/// A clock ticks at one event (FMI 3.0, section 2.2.9). An importer without clocks sees after a step that it has ticked
+/// A clock ticks at one event (FMI 3.0, section 2.2.8). An importer without clocks sees after a step that it has ticked
 /// at any event of the step.
 #[test]
 fn an_output_clock_ticks_at_one_event_of_a_step() {

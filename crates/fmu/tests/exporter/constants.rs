@@ -136,6 +136,8 @@ fn constants_are_declared_in_both_versions() {
             let end = rest.find(" name=").unwrap_or(rest.len());
             has(&rest[..end], attributes.clone());
             has(&rest[..end], format!("start=\"{start}\""));
+            // Only continuous variables have intermediate updates.
+            assert!(!rest[..end].contains("intermediateUpdate"), "{name}");
         }
         assert!(!three.contains(&format!("<InitialUnknown valueReference=\"{reference}\"")), "{name}");
     }
