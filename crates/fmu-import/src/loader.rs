@@ -30,6 +30,7 @@ mod system;
 mod values;
 
 pub use callbacks::{memory_callbacks, stray_messages};
+pub use clocks::MOST_ITERATIONS;
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use floats::take_restored;
 pub use instance::Instance;

@@ -35,6 +35,7 @@ pub(crate) struct Signature {
 /// An input clock that the loader activates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InputClock {
+    pub(crate) name: String,
     pub(crate) reference: Reference,
     pub(crate) kind: IntervalVariability,
     /// Interval in s; `None` if the loader must ask for it.
@@ -104,8 +105,8 @@ impl Signature {
         for clock in inputs {
             // The list also contains aliases.
             if clocks.iter().all(|known| known.reference != clock.reference) {
-                let (reference, kind) = (clock.reference, clock.interval_variability);
-                clocks.push(InputClock { reference, kind, interval: clock.interval, shift: clock.shift });
+                let Clock { name, reference, interval_variability: kind, interval, shift, .. } = clock.clone();
+                clocks.push(InputClock { name, reference, kind, interval, shift });
             }
         }
         let is_output = |clock: &&Clock| clock.causality == Causality::Output && is_co_simulation;

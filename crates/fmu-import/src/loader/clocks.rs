@@ -3,6 +3,10 @@
 //! The loader activates time-based clocks inside [`Instance::do_step`], as an FMU of FMI 2.0 takes its samples: a clock
 //! that is due at the start of a step ticks with the inputs from before the step; one that is due at the end ticks in
 //! the next step. Between two ticks, clocked variables keep their values. Triggered input clocks never tick.
+//!
+//! A master that connects clocks of several instances handles their events itself ([`Instance::share_events`]): it ends
+//! its steps at the next tick of any instance ([`Instance::next_tick`], [`Instance::step_to_tick`]). There, it lets
+//! instances begin an event, activates clocks, evaluates and updates the instances, and ends the event.
 
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
@@ -20,14 +24,13 @@ use std::sync::Arc;
 const SLACK: f64 = 1e-6;
 const ROUNDINGS: f64 = 4.0;
 /// Maximum number of event iterations at one time.
-const MOST_ITERATIONS: u32 = 100;
+pub const MOST_ITERATIONS: u32 = 100;
 /// Qualifiers of `fmi3GetIntervalDecimal`.
 const NOT_YET_KNOWN: c_int = 0;
 const CHANGED: c_int = 2;
 /// Ends the bytes of a saved state with clocks.
 const MARK: &[u8; 8] = b"\0clocks\n";
 
-const ENDLESS: CallProblem = CallProblem::Arguments("more than 100 event iterations at one time");
 const BROKEN: CallProblem =
     CallProblem::Arguments("an event has failed before; restore a saved state, or reset the instance");
 const WRONG_NUMBER: CallProblem = CallProblem::Arguments("the number of values must equal the number of elements");
@@ -46,10 +49,18 @@ pub(super) struct Clocks {
     held: BTreeMap<Reference, Vec<Held>>,
     /// Clocked inputs that were set since the last tick of their clocks.
     pending: Vec<Reference>,
+    /// Input clocks that are active in the present iteration of an event, and output clocks that tick.
+    #[serde(skip)]
+    active: Vec<Reference>,
+    #[serde(skip)]
+    fired: Vec<Reference>,
     /// Time of the next time event in s, if the FMU has announced one.
     next_event: Option<f64>,
-    /// True after an event that failed.
-    is_broken: bool,
+    /// True if the caller handles the events.
+    #[serde(skip)]
+    is_shared: bool,
+    /// True in Event Mode, and after an event that failed.
+    is_in_event: bool,
 }
 
 /// A value that is kept between two ticks.
@@ -130,8 +141,17 @@ impl Clocks {
         };
         signature.has_clocks.then(|| {
             let inputs = signature.clocks.iter().map(ticks).collect();
-            let (held, pending) = (BTreeMap::new(), Vec::new());
-            Box::new(Self { inputs, is_held: false, held, pending, next_event: None, is_broken: false })
+            Box::new(Self {
+                inputs,
+                is_held: false,
+                held: BTreeMap::new(),
+                pending: Vec::new(),
+                active: Vec::new(),
+                fired: Vec::new(),
+                next_event: None,
+                is_shared: false,
+                is_in_event: false,
+            })
         })
     }
 
@@ -312,16 +332,10 @@ impl Instance {
 
     /// After the initialization, in Event Mode. Clocks that are due at the start tick in the first step.
     pub(super) fn enter_first_step_mode(&mut self) -> Result<(), CallError> {
-        self.end_event(self.experiment().0, 1.0, false)
-    }
-
-    fn enter_step_mode(&mut self) -> Result<(), CallError> {
-        // SAFETY: live instance.
-        self.call_v3(Function::EnterStepMode, |f, c| unsafe { Some(f.end_event?(c)) })?;
-        if let Some(clocks) = &mut self.clocks {
-            clocks.is_held = true;
-        }
-        Ok(())
+        let start = self.experiment().0;
+        let Some(clocks) = &mut self.clocks else { return Ok(()) };
+        (clocks.is_held, clocks.is_in_event) = (true, true);
+        if clocks.is_shared { Ok(()) } else { self.handle_event(start, 1.0, false) }
     }
 
     /// `fmi3UpdateDiscreteStates`. Returns true if another iteration is needed, and the time of the next time event in
@@ -342,57 +356,210 @@ impl Instance {
 
     /// `fmi3DoStep` from tick to tick.
     pub(super) fn step_with_clocks(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        if self.clocks.as_ref().is_some_and(|clocks| clocks.is_broken) {
-            return Err(self.failure(Function::DoStep, BROKEN));
-        }
         let end = time + step;
         let mut now = time;
-        let mut asks = self.clocks.as_ref().is_some_and(|clocks| clocks.has_tunable());
+        self.check_events()?;
+        let mut is_needed = self.is_event_needed(now, step);
         loop {
-            if asks || self.clocks.as_ref().is_some_and(|clocks| clocks.is_due(now, step)) {
-                self.event(now, step)?;
+            if is_needed {
+                self.begin_event()?;
+                self.handle_event(now, step, true)?;
             }
-            asks = false;
-            let next = self.clocks.as_ref().and_then(|clocks| clocks.next());
-            let until = next.filter(|next| *next > now && *next < end - slack(end, step)).unwrap_or(end);
+            let until = self.next_tick(now, end, step).unwrap_or(end);
             self.step(now, until - now)?;
             now = until;
-            if self.step_end.event != 0 {
-                self.event(now, step)?;
+            if self.wants_event() {
+                self.begin_event()?;
+                self.handle_event(now, step, true)?;
             }
             if now >= end {
                 return Ok(());
             }
+            is_needed = self.is_due(now, step);
         }
     }
 
-    fn event(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        // SAFETY: live instance.
-        self.call_v3(Function::EnterEventMode, |f, c| unsafe { Some(f.begin_event?(c)) })?;
-        self.end_event(time, step, true)
-    }
-
-    /// Handles an event and enters Step Mode.
-    fn end_event(&mut self, time: f64, step: f64, has_ticks: bool) -> Result<(), CallError> {
-        let Some(mut clocks) = self.clocks.take() else { return Ok(()) };
-        // Without clocks, the variables are accessed directly.
-        let result = self.iterate(&mut clocks, time, step, has_ticks);
-        clocks.is_broken = result.is_err();
-        self.clocks = Some(clocks);
-        result?;
-        self.enter_step_mode()
-    }
-
-    /// All clocks that are due tick, until none is due and the FMU needs no further iteration.
-    fn iterate(&mut self, clocks: &mut Clocks, time: f64, step: f64, has_ticks: bool) -> Result<(), CallError> {
+    /// Handles an event and enters Step Mode. All clocks that are due tick, until none is due and the FMU needs no
+    /// further iteration.
+    fn handle_event(&mut self, time: f64, step: f64, has_ticks: bool) -> Result<(), CallError> {
+        let mut due = Vec::new();
         for _ in 0..MOST_ITERATIONS {
-            let due = clocks.inputs.iter().filter(|ticks| has_ticks && ticks.is_due(time, step));
-            let due: Vec<Reference> = due.map(|ticks| ticks.clock.reference).collect();
-            self.activate(clocks, &due)?;
-            let (is_needed_again, next_event) = self.update_event()?;
+            due = if has_ticks { self.due_clocks(time, step) } else { due };
+            self.activate(&due)?;
+            self.evaluate()?;
+            let mut is_needed_again = self.update(time)?;
+            is_needed_again |= has_ticks && !self.due_clocks(time, step).is_empty();
+            if !is_needed_again {
+                return self.end_event();
+            }
+        }
+        let names = self.signature().clocks.iter().filter(|clock| due.contains(&clock.reference));
+        let names: Vec<String> = names.map(|clock| format!("`{}`", clock.name)).collect();
+        Err(self.endless(&names))
+    }
+
+    /// The error after [`MOST_ITERATIONS`] iterations of an event, in the last of which these clocks have ticked.
+    #[cold]
+    pub fn endless(&mut self, clocks: &[String]) -> CallError {
+        let cause = match clocks {
+            [] => "the FMU requests another one each time".to_owned(),
+            [clock] => format!("the clock {clock} ticks in each; start it with an interval above 0"),
+            clocks => {
+                format!("the clocks {} tick in each; start one of them with an interval above 0", clocks.join(", "))
+            }
+        };
+        let reason = format!("more than {MOST_ITERATIONS} event iterations at one time: {cause}");
+        self.failed_event(reason)
+    }
+
+    /// The error of an event that cannot be completed for this reason.
+    #[cold]
+    pub fn failed_event(&mut self, reason: String) -> CallError {
+        self.failure(Function::NewDiscreteStates, CallProblem::Events(reason))
+    }
+
+    /// Lets the caller handle the events from the end of the initialization on, in place of [`Self::do_step`]. Then
+    /// [`Self::exit_initialization_mode`] begins an event.
+    pub fn share_events(&mut self) {
+        if let Some(clocks) = &mut self.clocks {
+            clocks.is_shared = true;
+        }
+    }
+
+    /// Returns true if the FMU has clocks in co-simulation.
+    pub fn has_clocks(&self) -> bool {
+        self.clocks.is_some()
+    }
+
+    /// Returns true if a variable belongs to clocks.
+    pub fn is_clocked(&self, variable: Reference) -> bool {
+        self.signature().clocked.iter().any(|clocked| clocked.reference == variable)
+    }
+
+    /// Returns true if a clock is active, or an output clock ticks, in the present iteration of an event.
+    pub fn is_active(&self, clock: Reference) -> bool {
+        self.clocks.as_ref().is_some_and(|clocks| clocks.active.contains(&clock) || clocks.fired.contains(&clock))
+    }
+
+    /// Names of the active input clocks.
+    pub fn active_clocks(&self) -> impl Iterator<Item = &str> {
+        let clocks = self.signature().clocks.iter().filter(|clock| self.is_active(clock.reference));
+        clocks.map(|clock| clock.name.as_str())
+    }
+
+    /// Returns true in Event Mode, and after an event that failed.
+    pub fn is_in_event(&self) -> bool {
+        self.clocks.as_ref().is_some_and(|clocks| clocks.is_in_event)
+    }
+
+    /// Fails after an event that failed.
+    pub fn check_events(&mut self) -> Result<(), CallError> {
+        if self.is_in_event() { Err(self.failure(Function::DoStep, BROKEN)) } else { Ok(()) }
+    }
+
+    /// Time of the next tick or time event in s, if it is after `now` and before `end` by more than rounding errors.
+    /// The communication step in s determines their size.
+    pub fn next_tick(&self, now: f64, end: f64, step: f64) -> Option<f64> {
+        let next = self.clocks.as_ref().and_then(|clocks| clocks.next());
+        next.filter(|next| *next > now && *next < end - slack(end, step))
+    }
+
+    fn is_due(&self, time: f64, step: f64) -> bool {
+        self.clocks.as_ref().is_some_and(|clocks| clocks.is_due(time, step))
+    }
+
+    /// Returns true if a step that starts at `time` must start with an event: a clock or a time event is due, or an
+    /// interval may have changed with a parameter.
+    pub fn is_event_needed(&self, time: f64, step: f64) -> bool {
+        self.is_due(time, step) || self.clocks.as_ref().is_some_and(|clocks| clocks.has_tunable())
+    }
+
+    /// Returns true if the FMU requested an event in the last step, and none has begun since then.
+    pub fn wants_event(&self) -> bool {
+        self.step_end.event != 0
+    }
+
+    /// Time-based clocks that are due.
+    pub fn due_clocks(&self, time: f64, step: f64) -> Vec<Reference> {
+        let inputs = self.clocks.iter().flat_map(|clocks| &clocks.inputs);
+        inputs.filter(|ticks| ticks.is_due(time, step)).map(|ticks| ticks.clock.reference).collect()
+    }
+
+    /// `fmi3DoStep` without events: the step must not go past [`Self::next_tick`].
+    pub fn step_to_tick(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+        self.step(time, step)
+    }
+
+    /// `fmi3EnterEventMode`, unless the instance is in it.
+    pub fn begin_event(&mut self) -> Result<(), CallError> {
+        match &mut self.clocks {
+            Some(clocks) if !clocks.is_in_event => clocks.is_in_event = true,
+            _ => return Ok(()),
+        }
+        self.step_end.event = 0;
+        // SAFETY: live instance.
+        self.call_v3(Function::EnterEventMode, |f, c| unsafe { Some(f.begin_event?(c)) })
+    }
+
+    /// `fmi3SetClock`: activates input clocks in an event.
+    pub fn activate(&mut self, input_clocks: &[Reference]) -> Result<(), CallError> {
+        if input_clocks.is_empty() {
+            return Ok(());
+        }
+        if let Some(clocks) = &mut self.clocks {
+            clocks.active.extend(input_clocks);
+        }
+        let values = vec![true; input_clocks.len()];
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call_v3(Function::SetClock, |f, c| unsafe {
+            Some(f.set_clock?(c, input_clocks.as_ptr(), input_clocks.len(), values.as_ptr()))
+        })
+    }
+
+    /// Sets the inputs of the active clocks, and reads the outputs of these clocks and of the output clocks that tick.
+    pub fn evaluate(&mut self) -> Result<(), CallError> {
+        self.with_clocks(|this, clocks| {
+            let library = Arc::clone(this.library());
+            let signature = &library.signature;
+            let depends = |on: &[Reference], active: &[Reference]| on.iter().any(|clock| active.contains(clock));
+            for variable in signature.clocked.iter().filter(|one| one.is_input && depends(&one.clocks, &clocks.active))
+            {
+                if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
+                    let values: Vec<Value> = clocks.held[&variable.reference].iter().map(Held::value).collect();
+                    this.set_values_of(variable.reference, variable.base_type, &values)?;
+                    clocks.pending.swap_remove(at);
+                }
+            }
+            let mut active = clocks.active.clone();
+            for (clock, on) in &signature.output_clocks {
+                if on.is_empty() || depends(on, &active) {
+                    let mut ticks: RawBoolean = 0;
+                    // SAFETY: live instance; one clock, and its state is written through a valid pointer.
+                    this.call_v3(Function::GetClock, |f, c| unsafe {
+                        Some(f.get_clock?(c, &raw const *clock, 1, &raw mut ticks))
+                    })?;
+                    active.extend((ticks != 0).then_some(*clock));
+                }
+            }
+            for variable in signature.clocked.iter().filter(|one| !one.is_input && depends(&one.clocks, &active)) {
+                let values = this.values_of(variable.reference, variable.base_type, variable.size)?;
+                clocks.held.insert(variable.reference, values.into_iter().map(Held::of).collect());
+            }
+            clocks.fired = active.split_off(clocks.active.len());
+            Ok(())
+        })
+    }
+
+    /// `fmi3UpdateDiscreteStates`, which deactivates all clocks; then asks for intervals, which count from `time` in s.
+    /// Returns true if the FMU needs another iteration.
+    pub fn update(&mut self, time: f64) -> Result<bool, CallError> {
+        self.with_clocks(|this, clocks| {
+            let (is_needed_again, next_event) = this.update_event()?;
             clocks.next_event = next_event;
+            clocks.fired.clear();
+            let active = std::mem::take(&mut clocks.active);
             for ticks in &mut clocks.inputs {
-                let has_ticked = due.contains(&ticks.clock.reference);
+                let has_ticked = active.contains(&ticks.clock.reference);
                 if has_ticked {
                     ticks.advance();
                 }
@@ -403,54 +570,34 @@ impl Instance {
                     _ => false,
                 };
                 if is_asked {
-                    let (interval, qualifier) = self.interval(ticks.clock.reference)?;
-                    if let Some(interval) = self.known(interval, qualifier, ticks.is_periodic())? {
+                    let (interval, qualifier) = this.interval(ticks.clock.reference)?;
+                    if let Some(interval) = this.known(interval, qualifier, ticks.is_periodic())? {
                         ticks.set_interval(interval, time);
                     }
                 }
             }
-            let is_due = has_ticks && clocks.inputs.iter().any(|ticks| ticks.is_due(time, step));
-            if !is_needed_again && !is_due {
-                return Ok(());
-            }
-        }
-        Err(self.failure(Function::NewDiscreteStates, ENDLESS))
+            Ok(is_needed_again)
+        })
     }
 
-    /// Activates input clocks, sets their inputs and reads their outputs, and those of the output clocks that tick.
-    fn activate(&mut self, clocks: &mut Clocks, due: &[Reference]) -> Result<(), CallError> {
-        let library = Arc::clone(self.library());
-        let signature = &library.signature;
-        let mut active = due.to_vec();
-        let depends = |on: &[Reference], active: &[Reference]| on.iter().any(|clock| active.contains(clock));
-        if !due.is_empty() {
-            let values = vec![true; due.len()];
-            // SAFETY: live instance; both arrays have the stated length.
-            self.call_v3(Function::SetClock, |f, c| unsafe {
-                Some(f.set_clock?(c, due.as_ptr(), due.len(), values.as_ptr()))
-            })?;
-            for variable in signature.clocked.iter().filter(|one| one.is_input && depends(&one.clocks, due)) {
-                if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
-                    let values: Vec<Value> = clocks.held[&variable.reference].iter().map(Held::value).collect();
-                    self.set_values_of(variable.reference, variable.base_type, &values)?;
-                    clocks.pending.swap_remove(at);
-                }
-            }
-        }
-        for (clock, on) in &signature.output_clocks {
-            if on.is_empty() || depends(on, &active) {
-                let mut ticks: RawBoolean = 0;
-                // SAFETY: live instance; one clock, and its state is written through a valid pointer.
-                self.call_v3(Function::GetClock, |f, c| unsafe {
-                    Some(f.get_clock?(c, &raw const *clock, 1, &raw mut ticks))
-                })?;
-                active.extend((ticks != 0).then_some(*clock));
-            }
-        }
-        for variable in signature.clocked.iter().filter(|one| !one.is_input && depends(&one.clocks, &active)) {
-            let values = self.values_of(variable.reference, variable.base_type, variable.size)?;
-            clocks.held.insert(variable.reference, values.into_iter().map(Held::of).collect());
+    /// `fmi3EnterStepMode` after an event.
+    pub fn end_event(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call_v3(Function::EnterStepMode, |f, c| unsafe { Some(f.end_event?(c)) })?;
+        if let Some(clocks) = &mut self.clocks {
+            clocks.is_in_event = false;
         }
         Ok(())
+    }
+
+    /// Accesses the clocks. In the meantime, clocked variables are not held but those of the FMU.
+    fn with_clocks<T: Default>(
+        &mut self,
+        access: impl FnOnce(&mut Self, &mut Clocks) -> Result<T, CallError>,
+    ) -> Result<T, CallError> {
+        let Some(mut clocks) = self.clocks.take() else { return Ok(T::default()) };
+        let result = access(self, &mut clocks);
+        self.clocks = Some(clocks);
+        result
     }
 }

@@ -104,6 +104,8 @@ pub enum CallProblem {
     EarlyReturn,
     /// The arguments are invalid; the FMU was not called.
     Arguments(&'static str),
+    /// Clocks do not come to rest at an event.
+    Events(String),
     /// A previous call returned `fmi2Fatal` or `fmi3Fatal`; the FMU was not called.
     Dead,
 }
@@ -147,6 +149,7 @@ impl std::fmt::Display for CallError {
                 write!(f, "{function} returned before the end of the step, which was not allowed")
             }
             CallProblem::Arguments(reason) => write!(f, "{function}: {reason}"),
+            CallProblem::Events(reason) => write!(f, "{function}: {reason}"),
             CallProblem::Dead => write!(f, "{function} cannot be called after {}", Status::Fatal.name(function)),
         }?;
         for message in &self.messages {
