@@ -126,8 +126,8 @@ impl System {
     ///
     /// # Errors
     /// An FMU cannot be read or has changed since the plan was made, signals come from a file, the file name of an FMU
-    /// is not valid in a URI, an enumeration or an element of an array is set or connected, a connection converts
-    /// between Real and Boolean, or a unit of measure has two definitions.
+    /// is not valid in a URI, an enumeration or an element of an array is set or connected, clocks are connected, a
+    /// connection converts between Real and Boolean, or a unit of measure has two definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
     }
@@ -148,6 +148,13 @@ impl System {
         let mut units = Definitions::default();
         let mut components = Vec::new();
         for planned in &run.components {
+            if let Some(clock) = planned.clocks.first() {
+                return Err(ExportError::Unsupported(format!(
+                    "the connection from `{}:{}` to `{}:{}` joins clocks, which masters of SSP packages do not activate; \
+                     run the scenario with the native master",
+                    clock.component, clock.source, planned.name, clock.name
+                )));
+            }
             let description = describe(&planned.fmu)?;
             if !planned.structure.is_empty() {
                 let reason =

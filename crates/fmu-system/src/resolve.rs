@@ -4,6 +4,7 @@
 //! component that has an output of the same name, or a constant. An input without a source is an error. All mistakes in
 //! a file are reported together, each with file, line, column and the marked place.
 
+mod clocks;
 mod columns;
 mod components;
 mod conversion;

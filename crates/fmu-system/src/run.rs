@@ -101,6 +101,24 @@ pub struct Component {
     pub inputs: Vec<Wire>,
     /// Outputs written to the bus.
     pub outputs: Vec<Wire>,
+    /// Triggered input clocks that another clock activates.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub clocks: Vec<ClockWire>,
+}
+
+/// A triggered input clock and the clock whose ticks activate it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ClockWire {
+    /// Name of the input clock.
+    pub name: String,
+    /// Its value reference.
+    pub reference: Reference,
+    /// Name of the component with the other clock.
+    pub component: String,
+    /// Name of the other clock: an output clock, or an input clock that ticks at its own times.
+    pub source: String,
+    /// Its value reference.
+    pub source_reference: Reference,
 }
 
 /// A variable and its value.

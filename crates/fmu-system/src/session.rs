@@ -5,8 +5,9 @@
 //! another master that makes the same calls gets bit-identical results.
 //!
 //! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same
-//! places: `fmi3EnterInitializationMode` takes the times of `fmi2SetupExperiment`, and Event Mode and early return are
-//! not used.
+//! places: `fmi3EnterInitializationMode` takes the times of `fmi2SetupExperiment`, and early return is not used. Event
+//! Mode is used for clocks only: a component handles its ticks within its step, but components whose clocks or clocked
+//! variables are connected make their steps and events together, in the place of the first of them (`events.rs`).
 //!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, then the start values of a steady state, `fmi2EnterInitializationMode` on all.
@@ -27,6 +28,9 @@
 //! are read by one call, Binary inputs are set by one call each. On the bus, a Boolean output is 0 or 1, and a Boolean
 //! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way.
 
+mod events;
+
+use self::events::{Group as ClockedGroup, Signals};
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
@@ -362,6 +366,8 @@ pub struct Session {
     simulation: Simulation,
     columns: Vec<Option<usize>>,
     members: Vec<Component>,
+    /// Components whose clocks or clocked variables are connected.
+    clocked: ClockedGroup,
     bus: Bus,
     feeder: Feeder,
     overwritten: Vec<Overwritten>,
@@ -400,12 +406,13 @@ impl Session {
         if let Some(board) = board {
             board.begin();
         }
-        let members = instantiate(run, fmus).map_err(failed)?;
+        let mut members = instantiate(run, fmus).map_err(failed)?;
         let mut session = Self {
             run: run.id.clone(),
             simulation: *simulation,
             columns: run.columns.clone(),
             bus: Bus::new(run.slots, &members),
+            clocked: ClockedGroup::new(run, &mut members),
             members,
             feeder: Feeder { series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(), step: simulation.step },
             overwritten: Vec::new(),
@@ -625,7 +632,7 @@ impl Session {
 
     /// From instantiation to the end of initialization; see the top of this file.
     fn initialize(&mut self, run: &Run) -> Result<(), CallError> {
-        let Self { simulation, members, bus, feeder, .. } = self;
+        let Self { simulation, members, clocked, bus, feeder, overwritten, .. } = self;
         for member in members.iter_mut() {
             member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
         }
@@ -651,6 +658,8 @@ impl Session {
         for member in members.iter_mut() {
             member.instance.exit_initialization_mode()?;
         }
+        // Clocks that are due at the start tick in the first step.
+        clocked.event(&mut Signals { members, bus, overwritten }, simulation.start, None)?;
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }
@@ -660,20 +669,20 @@ impl Session {
     /// Makes a step of all components. If a component ends the simulation, returns the time that it has reached, and
     /// the call.
     fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
-        let Self { simulation, members, bus, overwritten, .. } = self;
+        let Self { simulation, members, clocked, bus, overwritten, .. } = self;
         let step = simulation.step_size(time);
         let mut ended = None;
         match simulation.order {
             Order::Sequential => {
-                for (index, member) in members.iter_mut().enumerate() {
-                    member.set_inputs(bus)?;
-                    member.set_overwritten(index, overwritten)?;
-                    match member.do_step(time, step)? {
+                for index in 0..members.len() {
+                    members[index].set_inputs(bus)?;
+                    members[index].set_overwritten(index, overwritten)?;
+                    match clocked.step(index, &mut Signals { members, bus, overwritten }, time, step)? {
                         None => (),
                         at_start @ Some((Reached::Start, _)) => return Ok(at_start),
                         at_end => ended = ended.or(at_end),
                     }
-                    member.read_outputs(bus)?;
+                    members[index].read_outputs(bus)?;
                 }
             }
             Order::Jacobi => {
@@ -681,8 +690,8 @@ impl Session {
                     member.set_inputs(bus)?;
                     member.set_overwritten(index, overwritten)?;
                 }
-                for member in members.iter_mut() {
-                    match member.do_step(time, step)? {
+                for index in 0..members.len() {
+                    match clocked.step(index, &mut Signals { members, bus, overwritten }, time, step)? {
                         None => (),
                         at_start @ Some((Reached::Start, _)) => return Ok(at_start),
                         at_end => ended = ended.or(at_end),

@@ -148,6 +148,10 @@ class FmpyInstance:
             name = next(iter(component.structure))
             text = f"`{name}` is a structural parameter; use the native master, this one cannot set it"
             raise RunError(component.name, "loading", None, text)
+        if component.clocks:
+            name = component.clocks[0].name
+            text = f"the clock `{name}` is connected; use the native master, this one cannot activate it"
+            raise RunError(component.name, "loading", None, text)
         try:
             self._slave = (FMU3Slave if is_new else FMU2Slave)(
                 guid=component.guid,

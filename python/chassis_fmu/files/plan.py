@@ -158,6 +158,21 @@ class Wire(_Part, frozen=True):
     slot: int
 
 
+class ClockWire(_Part, frozen=True):
+    """A triggered input clock and the clock whose ticks activate it."""
+
+    # Name of the input clock.
+    name: str
+    # Its value reference.
+    reference: int
+    # Name of the component with the other clock.
+    component: str
+    # Name of the other clock: an output clock, or an input clock that ticks at its own times.
+    source: str
+    # Its value reference.
+    source_reference: int
+
+
 class Component(_Part, frozen=True):
     """An instance of an FMU and its wires."""
 
@@ -178,6 +193,8 @@ class Component(_Part, frozen=True):
     inputs: tuple[Wire, ...]
     # Outputs written to the bus.
     outputs: tuple[Wire, ...]
+    # Triggered input clocks that another clock activates.
+    clocks: tuple[ClockWire, ...] = ()
     # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
     # known yet. `None` for a component that starts as declared.
     steady: tuple[Setting, ...] | None = None

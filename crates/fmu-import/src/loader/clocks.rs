@@ -5,7 +5,7 @@
 //! the next step. Between two ticks, clocked variables keep their values. Triggered input clocks never tick.
 //!
 //! A master that connects clocks of several instances handles their events itself ([`Instance::share_events`]): it ends
-//! its steps at the next tick of any instance ([`Instance::next_tick`], [`Instance::step_to_tick`]). There, it lets
+//! its steps at the next tick of any instance ([`Instance::next_tick`], [`Instance::step`]). There, it lets
 //! instances begin an event, activates clocks, evaluates and updates the instances, and ends the event.
 
 use super::calls::Function;
@@ -23,8 +23,8 @@ use std::sync::Arc;
 /// Two times are the same instant if they differ by at most this fraction of the step, or four units in the last place.
 const SLACK: f64 = 1e-6;
 const ROUNDINGS: f64 = 4.0;
-/// Maximum number of event iterations at one time.
-pub const MOST_ITERATIONS: u32 = 100;
+/// Maximum number of event iterations at one time, and of evaluations of an instance in an iteration.
+pub const MOST_ITERATIONS: usize = 100;
 /// Qualifiers of `fmi3GetIntervalDecimal`.
 const NOT_YET_KNOWN: c_int = 0;
 const CHANGED: c_int = 2;
@@ -401,14 +401,11 @@ impl Instance {
     /// The error after [`MOST_ITERATIONS`] iterations of an event, in the last of which these clocks have ticked.
     #[cold]
     pub fn endless(&mut self, clocks: &[String]) -> CallError {
-        let cause = match clocks {
-            [] => "the FMU requests another one each time".to_owned(),
-            [clock] => format!("the clock {clock} ticks in each; start it with an interval above 0"),
-            clocks => {
-                format!("the clocks {} tick in each; start one of them with an interval above 0", clocks.join(", "))
-            }
-        };
-        let reason = format!("more than {MOST_ITERATIONS} event iterations at one time: {cause}");
+        let names = if clocks.is_empty() { "no clock".to_owned() } else { clocks.join(", ") };
+        let reason = format!(
+            "more than {MOST_ITERATIONS} event iterations at one time, in each of which these clocks tick: {names}; start \
+             one of them with an interval above 0"
+        );
         self.failed_event(reason)
     }
 
@@ -433,7 +430,8 @@ impl Instance {
 
     /// Returns true if a variable belongs to clocks.
     pub fn is_clocked(&self, variable: Reference) -> bool {
-        self.signature().clocked.iter().any(|clocked| clocked.reference == variable)
+        let whole = self.signature().element(variable).map_or(variable, |(element, _)| element.array);
+        self.signature().clocked.iter().any(|clocked| clocked.reference == whole)
     }
 
     /// Returns true if a clock is active, or an output clock ticks, in the present iteration of an event.
@@ -483,11 +481,6 @@ impl Instance {
     pub fn due_clocks(&self, time: f64, step: f64) -> Vec<Reference> {
         let inputs = self.clocks.iter().flat_map(|clocks| &clocks.inputs);
         inputs.filter(|ticks| ticks.is_due(time, step)).map(|ticks| ticks.clock.reference).collect()
-    }
-
-    /// `fmi3DoStep` without events: the step must not go past [`Self::next_tick`].
-    pub fn step_to_tick(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        self.step(time, step)
     }
 
     /// `fmi3EnterEventMode`, unless the instance is in it.

@@ -401,8 +401,8 @@ impl Instance {
         if self.clocks.is_some() { self.step_with_clocks(time, step) } else { self.step(time, step) }
     }
 
-    /// Like [`Self::do_step`], without ticks of clocks.
-    pub(super) fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+    /// Like [`Self::do_step`], without ticks of clocks; the step must not go past [`Self::next_tick`].
+    pub fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
         // SAFETY: live instance; the end of the step is written through valid pointers.
         let result = self.call_present(Function::DoStep, |f, c| unsafe {

@@ -54,7 +54,14 @@ impl<'a> Resolver<'a> {
                     };
                     Replaced { original, keep_parameters }
                 });
-                members.push(CaseComponent { component, found, replaced, inputs: Vec::new(), dropped: false });
+                members.push(CaseComponent {
+                    component,
+                    found,
+                    replaced,
+                    inputs: Vec::new(),
+                    clocks: Vec::new(),
+                    dropped: false,
+                });
             }
             systems.push(System { case, members, replaced: BTreeMap::new() });
         }

@@ -8,7 +8,7 @@ use crate::plan;
 use crate::problem::{Collector, Context};
 use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
 use crate::spanned::Spanned;
-use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::description::{BaseType, Causality, Clock, Value, Variable};
 use fmu_import::names::similar;
 use fmu_import::parameter_set::ParameterSet;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -22,6 +22,9 @@ pub(super) struct CaseComponent<'a> {
     pub(super) replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with its source.
     pub(super) inputs: Vec<(usize, Source)>,
+    /// Triggered input clocks, each with the component and the clock that activate it. Clocks are indices in the
+    /// descriptions.
+    pub(super) clocks: Vec<(usize, (usize, usize))>,
     /// True if the component is not needed because signals come from a file.
     pub(super) dropped: bool,
 }
@@ -29,6 +32,15 @@ pub(super) struct CaseComponent<'a> {
 impl CaseComponent<'_> {
     pub(super) fn name(&self) -> &str {
         self.component.name.get_ref()
+    }
+
+    pub(super) fn clock(&self, index: usize) -> &Clock {
+        &self.found.description.clocks[index]
+    }
+
+    /// The clocks with this causality, by index; also their aliases.
+    pub(super) fn all_clocks(&self, causality: Causality) -> impl Iterator<Item = (usize, &Clock)> {
+        self.found.description.clocks.iter().enumerate().filter(move |(_, clock)| clock.causality == causality)
     }
 
     pub(super) fn variable(&self, index: usize) -> &Variable {

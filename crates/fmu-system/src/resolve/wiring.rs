@@ -1,5 +1,6 @@
 //! The wires of a case: the source of each input.
 
+use super::clocks::{ClockConnections, clock_wire};
 use super::conversion::{self, compatible, convertible, narrowing};
 use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
@@ -17,7 +18,7 @@ use std::sync::Arc;
 
 /// An end of a connection: component and variable; `None` if the case does not have them. `Err`: a mistake was
 /// reported.
-type End = Result<Option<(usize, usize)>, ()>;
+pub(super) type End = Result<Option<(usize, usize)>, ()>;
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
 /// Outputs that connections name, by the input that they write. `Err`: a mistake was reported.
 type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
@@ -74,7 +75,7 @@ fn quoted(names: &[&str]) -> String {
 impl<'a> Resolver<'a> {
     /// Finds the source of each input of a case.
     pub(super) fn wire(&mut self, system: &mut System<'a>, source: &dyn Descriptions) {
-        let connections = self.connections(system);
+        let (connections, clocks) = self.connections(system);
         // Outputs by name, to find the only other component that has one.
         let mut outputs = Outputs::new();
         for (m, member) in system.members.iter().enumerate() {
@@ -143,6 +144,7 @@ impl<'a> Resolver<'a> {
         for (member, inputs) in system.members.iter_mut().zip(wired) {
             member.inputs = inputs;
         }
+        self.wire_clocks(system, &clocks);
         if self.inputs.is_some() {
             self.replace_recorded(system, &lost);
             self.drop_unneeded(system);
@@ -324,6 +326,14 @@ impl<'a> Resolver<'a> {
                 };
                 inputs.push(Connected { input: signal(member, *v), source, type_change });
             }
+            for (clock, (from, source)) in &member.clocks {
+                let of = |member: &CaseComponent<'_>, clock: usize| Signal {
+                    component: member.name().to_string(),
+                    variable: member.clock(clock).name.clone(),
+                };
+                let source = Origin::Output(of(&system.members[*from], *source));
+                inputs.push(Connected { input: of(member, *clock), source, type_change: None });
+            }
         }
         let unread = kept()
             .flat_map(|(m, member)| {
@@ -337,13 +347,17 @@ impl<'a> Resolver<'a> {
         plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
     }
 
-    fn connections(&mut self, system: &System<'_>) -> Connections {
+    fn connections(&mut self, system: &System<'a>) -> (Connections, ClockConnections) {
         let mut connections = Connections::new();
+        let mut clocks = ClockConnections::new();
         let mut expanded = Vec::new();
         for connection in self.expanded(system) {
             expanded.append(&mut self.by_element(system, connection));
         }
         for connection in expanded {
+            if self.connect_clock(system, &connection, &mut clocks) {
+                continue;
+            }
             let from = self.end(system, &connection.from, Causality::Output);
             let to = self.end(system, &connection.to, Causality::Input);
             self.problems.set_context(Some(context(system.case, None)));
@@ -369,7 +383,7 @@ impl<'a> Resolver<'a> {
             }
         }
         self.problems.set_context(None);
-        connections
+        (connections, clocks)
     }
 
     /// The connections of a case, one for each input: a `*` in `to` stands for the same text as a `*` in `from`.
@@ -397,11 +411,9 @@ impl<'a> Resolver<'a> {
             let Some(m) = system.member(component) else { continue };
             let member = &system.members[m];
             let prefix = before.split_once(':').map_or("", |(_, prefix)| prefix);
-            let texts = member.wirable(Causality::Input).filter_map(|(_, input)| {
-                let rest = input.name.strip_prefix(prefix)?;
-                rest.strip_suffix(after)
-            });
-            let texts: Vec<&str> = texts.collect();
+            let names = member.wirable(Causality::Input).map(|(_, input)| &input.name);
+            let names = names.chain(member.triggered().map(|(_, clock)| &clock.name));
+            let texts: Vec<&str> = names.filter_map(|name| name.strip_prefix(prefix)?.strip_suffix(after)).collect();
             if texts.is_empty() && member.replaced.is_none() {
                 self.problems.set_context(Some(context(system.case, Some(member.component))));
                 self.problems.add(span, format!("no input of `{component}` matches `{name}`"));
@@ -450,7 +462,7 @@ impl<'a> Resolver<'a> {
         from.iter().map(of).collect()
     }
 
-    fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
+    pub(super) fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
         let (component, name, name_span) = self.component_and_name(written).ok_or(())?;
         // The case leaves the component out.
         let Some(m) = system.member(component) else { return Ok(None) };
@@ -521,6 +533,7 @@ impl<'a> Resolver<'a> {
                     open.push(*from);
                 }
             }
+            open.extend(system.members[m].clocks.iter().map(|(_, (from, _))| *from));
         }
         for (member, needed) in system.members.iter_mut().zip(needed) {
             member.dropped = !needed;
@@ -592,6 +605,11 @@ impl<'a> Resolver<'a> {
                     outputs: output_slots
                         .range((m, 0)..(m + 1, 0))
                         .map(|((_, v), slot)| Wire::new(member.variable(*v), *slot))
+                        .collect(),
+                    clocks: member
+                        .clocks
+                        .iter()
+                        .map(|(clock, source)| clock_wire(system, member, *clock, *source))
                         .collect(),
                 }
             })
