@@ -114,7 +114,9 @@ impl Description {
             ..interfaces
         };
         let format = Format { interfaces, ..format };
-        let structure = match contradiction(&M::INFO, &layout, format).or_else(|| misplaced(M::KIND, &layout)) {
+        let structure = match contradiction(&M::INFO, &layout, format, M::CALCULATES_OUTPUTS)
+            .or_else(|| misplaced(M::KIND, &layout))
+        {
             Some(problem) => Err(problem),
             None if interfaces == Interfaces::NONE => {
                 let (what, others) = match (M::HAS_CLOCKS, M::MODEL_EXCHANGE) {
@@ -351,8 +353,8 @@ fn misplaced(kind: ModelKind, layout: &Layout) -> Option<String> {
     Some(format!("'{name}': remove `intermediate`, which only `f64` inputs of continuous-time models can have"))
 }
 
-/// Returns the first inconsistency in the declarations, if any.
-fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
+/// Returns the first inconsistency in the declarations, if any. Outputs that the model calculates have no start value.
+fn contradiction(info: &Info, layout: &Layout, format: Format, calculates_outputs: bool) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {
         return Some("the name is used as the modelIdentifier and must be a C identifier".to_owned());
@@ -377,6 +379,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
     for variable in &layout.variables {
         let declaration = &variable.declaration;
         let name = &declaration.name;
+        let has_start = declaration.details.constant || variable.role != Role::Output || !calculates_outputs;
         if let Some(twice) = declaration.names().find(|name| !names.insert(*name)) {
             return Some(format!("two variables are named '{twice}'"));
         }
@@ -422,7 +425,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     return Some(format!("'{name}': the nominal value is not above 0"));
                 }
                 let range = real.range();
-                if !real.start.is_finite() || !range.contains(&real.start) {
+                if !real.start.is_finite() || (has_start && !range.contains(&real.start)) {
                     let (start, min, max) = (real.start, range.start(), range.end());
                     return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
@@ -431,7 +434,7 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                 }
             }
             Kind::Integer { size, start, min, max, items, type_name, is_enumeration } => {
-                if !(min..=max).contains(&start) {
+                if has_start && !(min..=max).contains(&start) {
                     return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
                 let key = simple_type(layout, type_name, *is_enumeration);
@@ -533,7 +536,7 @@ mod tests {
 
     fn problem_in(format: Format, parameters: Vec<Declaration>) -> String {
         let layout = Layout::new(Declarations { parameters, ..Declarations::default() });
-        contradiction(&INFO, &layout, format).unwrap_or_default()
+        contradiction(&INFO, &layout, format, false).unwrap_or_default()
     }
 
     #[test]
@@ -696,7 +699,7 @@ mod tests {
         let layout = |clocks, outputs, inputs, parameters| {
             Layout::new(Declarations { clocks, outputs, inputs, parameters, ..Declarations::default() })
         };
-        let of = |layout: &Layout| contradiction(&INFO, layout, Format::FMI3).unwrap_or_default();
+        let of = |layout: &Layout| contradiction(&INFO, layout, Format::FMI3, false).unwrap_or_default();
         let period = || real(named("period", unit!("s")), 1.0);
         let clocked = |names| {
             let mut all = plain(Kind::Boolean { start: false });
@@ -739,6 +742,16 @@ mod tests {
             "'button' is a triggered clock, which nothing would activate in FMI 2.0: pack with --fmi 3"
         );
         assert_eq!(inexpressible(&triggered, Format::FMI3), None);
+    }
+
+    /// A calculated output has no start value that could be outside the limits.
+    #[test]
+    fn limits_of_a_calculated_output_need_not_contain_0() {
+        let outputs = real(Spec { min: Some(1.0), ..named("y", unit!("m")) }, 0.0);
+        let layout = Layout::new(Declarations { outputs, ..Declarations::default() });
+        let of = |calculates_outputs| contradiction(&INFO, &layout, Format::FMI3, calculates_outputs);
+        assert_eq!(of(false).unwrap(), "start of 'y' = 0 is not within [1, inf]");
+        assert_eq!(of(true), None);
     }
 
     /// The same names are valid in FMI 2.0. Names of event indicators are also valid in FMI 3.0 without model exchange.
@@ -787,11 +800,11 @@ mod tests {
     fn an_invalid_default_experiment_or_name_is_reported() {
         let nothing = Layout::new(Declarations::default());
         for name in ["", "1st", "with-dash", "a b", "\u{e4}"] {
-            let problem = contradiction(&Info { name, ..INFO }, &nothing, Format::FMI2).unwrap();
+            let problem = contradiction(&Info { name, ..INFO }, &nothing, Format::FMI2, false).unwrap();
             assert!(problem.contains("identifier"), "{name}");
         }
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let problem = |info| contradiction(&info, &nothing, Format::FMI2).unwrap();
+            let problem = |info| contradiction(&info, &nothing, Format::FMI2, false).unwrap();
             assert!(problem(Info { stop_time: value, ..INFO }).starts_with("stop_time"));
             assert!(problem(Info { step_size: value, ..INFO }).starts_with("step_size"));
         }
