@@ -62,7 +62,7 @@ fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable
     let (attributes, has_start) = attributes::<M>(layout, variable, &declaration.name, &declaration.description);
     let mut of_type = type_attributes(layout, variable, Version::Fmi2);
     if has_start {
-        of_type.push(("start", start(variable)));
+        of_type.push(("start", start(variable, Version::Fmi2)));
     }
     if variable.role == Role::Derivative {
         let state = layout.state_of(variable);
@@ -91,7 +91,7 @@ fn aliases<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Wri
         // All variables of the set are constant. Otherwise, only one can have a start value.
         let is_constant = variable.declaration.details.constant;
         attributes.push(("initial", if is_constant { "exact" } else { "calculated" }.to_owned()));
-        of_type.extend(is_constant.then(|| ("start", start(variable))));
+        of_type.extend(is_constant.then(|| ("start", start(variable, Version::Fmi2))));
         element(xml, "ScalarVariable", &borrowed(&attributes), |xml| {
             empty(xml, variable.declaration.kind.type_name(Version::Fmi2), &borrowed(&of_type))
         })

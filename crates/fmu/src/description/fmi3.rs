@@ -151,7 +151,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         Some(array) => array.elements(&ValueStore::start(layout).lengths).map(|position| elements[position]).collect(),
         None => elements.to_vec(),
     };
-    let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable)).collect();
+    let starts: Vec<_> = elements.iter().filter(|_| has_start).map(|variable| start(variable, Version::Fmi3)).collect();
     let is_text = matches!(declaration.kind, Kind::String { .. } | Kind::Binary { .. });
     if has_start && !is_text {
         attributes.push(("start", starts.join(" ")));

@@ -19,9 +19,12 @@ pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// The shortest text that parses to the same number in the precision of the variable.
-fn number_of(kind: &Kind, value: f64) -> String {
-    if matches!(kind, Kind::Float32(_)) { format!("{:?}", value as f32) } else { number(value) }
+/// The shortest text that parses to the same number in the precision of the variable: FMI 2.0 has 64 bits only.
+fn number_of(kind: &Kind, value: f64, version: Version) -> String {
+    match (kind, version) {
+        (Kind::Float32(_), Version::Fmi3) => format!("{:?}", value as f32),
+        _ => number(value),
+    }
 }
 
 pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
@@ -231,7 +234,7 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable, version: Ver
             // 1 is the default. It is written for states only, because solvers use their nominal values.
             let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
             for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
-                attributes.extend(value.map(|value| (name, number_of(kind, value))));
+                attributes.extend(value.map(|value| (name, number_of(kind, value, version))));
             }
         }
         Kind::Integer { size, min, max, items, type_name, is_enumeration, .. } => {
@@ -261,9 +264,9 @@ pub(super) fn type_attributes(layout: &Layout, variable: &Variable, version: Ver
     attributes
 }
 
-pub(super) fn start(variable: &Variable) -> String {
+pub(super) fn start(variable: &Variable, version: Version) -> String {
     match &variable.declaration.kind {
-        kind @ (Kind::Real(real) | Kind::Float32(real)) => number_of(kind, real.start),
+        kind @ (Kind::Real(real) | Kind::Float32(real)) => number_of(kind, real.start, version),
         Kind::Integer { start, .. } => start.to_string(),
         Kind::Boolean { start } => start.to_string(),
         Kind::Clock(_) => "false".to_owned(),
