@@ -307,6 +307,7 @@ impl<M: Model> Instance<M> {
                 (false, "a state whose start value follows from the parameters")
             }
             Role::State => (before_start, "a continuous state"),
+            Role::Output if details.constant => (false, "a constant"),
             // Variables with an exact start value may be set before the start (standard, section 2.1.7).
             Role::Output if !M::CALCULATES_OUTPUTS => (before_start, "an output with a start value"),
             Role::Output => (false, "an output"),
@@ -322,7 +323,7 @@ impl<M: Model> Instance<M> {
             _ if is_structural => "settable only in Configuration Mode",
             _ if is_configured => "not settable in this mode",
             Role::Calculated | Role::Derivative | Role::Clock => "never settable",
-            Role::Output if M::CALCULATES_OUTPUTS => "never settable",
+            Role::Output if M::CALCULATES_OUTPUTS || details.constant => "never settable",
             Role::State if variable.declaration.calculated => "never settable",
             Role::Parameter if variable.declaration.tunable => "not settable in Continuous-Time Mode",
             _ => "settable only in Instantiated and Initialization Mode",

@@ -7,7 +7,7 @@ use fmu::prelude::*;
 use fmu::testing::abi::Export;
 use fmu::testing::description::{Description, Format};
 
-use crate::models::{Fmu, reference};
+use crate::models::{Fmu, error_of, reference};
 
 /// Medium
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq)]
@@ -148,4 +148,35 @@ fn constants_are_declared_in_both_versions() {
     let alias = r#"description="Density" causality="local" variability="constant" initial="exact">"#;
     has(&two, alias.to_owned());
     has(two.split_once("name=\"rho\"").unwrap().1, "<Real unit=\"kg/m3\" start=\"1000.0\"/>".to_owned());
+}
+
+#[derive(Outputs)]
+struct Box {
+    /// Number of sides
+    #[var(constant = 6)]
+    sides: i32,
+    /// Number of samples
+    samples: i32,
+}
+
+#[derive(Parameters)]
+struct Boxes;
+
+/// Boxes
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Boxes {
+    type Outputs = Box;
+    fn update(&self, _: Sample<Self>) -> Box {
+        Box { sides: 1, samples: 1 }
+    }
+}
+
+/// The outputs of a discrete-time model have start values, which importers may set, but a constant cannot change.
+#[test]
+fn the_constant_of_a_discrete_time_model_cannot_be_set() {
+    let mut fmu = Fmu::<Boxes>::initializing(0.0);
+    fmu.set_integer("samples", 5).unwrap();
+    let expected = "fmi2SetInteger: 'sides' is a constant, never settable; the instance is in Initialization Mode";
+    assert_eq!(error_of(fmu.set_integer("sides", 5)), expected);
+    assert_eq!(fmu.0.get_integer(reference::<Boxes>("sides")), Ok(6));
 }
