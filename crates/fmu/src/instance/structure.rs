@@ -1,5 +1,7 @@
 //! Structural parameters: Configuration and Reconfiguration Mode of FMI 3.0.
 
+use std::collections::BTreeSet;
+
 use super::{CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
 use crate::runner::Model;
@@ -50,8 +52,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Gives the arrays the lengths of the structural parameters. Elements keep their row and column; elements that the
-    /// arrays no longer have get their start values, which they have when the arrays grow again.
+    /// Gives the arrays the lengths of the structural parameters. Elements keep their row and column. New elements get
+    /// their start values, because a model may have copied other values to their memory.
     pub(super) fn resize(&mut self) {
         let layout = &self.description.layout;
         let before = self.values.lengths.clone();
@@ -61,8 +63,9 @@ impl<M: Model> Instance<M> {
         }
         let starts = ValueStore::start(layout);
         for array in &layout.sized {
-            let present: Vec<_> = array.elements(&self.values.lengths).collect();
-            for position in (0..array.capacity()).filter(|position| present.binary_search(position).is_err()) {
+            let kept: BTreeSet<_> = array.elements(&before).collect();
+            let kept: BTreeSet<_> = array.elements(&self.values.lengths).filter(|at| kept.contains(at)).collect();
+            for position in (0..array.capacity()).filter(|position| !kept.contains(position)) {
                 if let Some(element) = layout.by_reference(array.reference + position as u32) {
                     self.values.copy(&starts, element);
                 }

@@ -96,6 +96,7 @@ macro_rules! exported {
 exported! {
     Tanks: Drains;
     Ball: EqualSteps;
+    Copying: Copier;
 }
 
 /// The value reference of a variable, or of an array.
@@ -216,6 +217,64 @@ fn arrays_grow_and_shrink_between_steps() {
     let levels = instance.values::<4>("level");
     assert_levels(&levels[..2], &[2.0, 2.0], 0.0, 1.0, 1.0);
     assert_levels(&levels[2..], &[3.0, 4.0], 0.0, 1.0, 0.5);
+}
+
+#[derive(Parameters)]
+struct Copier {
+    /// Number of values
+    #[var(structural, start = 1, max = 2, tunable)]
+    n: u64,
+}
+
+#[derive(Inputs)]
+struct Originals {
+    /// Originals (1)
+    #[var(size = "n", start = [1.0, 2.0])]
+    original: Array<f64, 2>,
+}
+
+#[derive(Outputs)]
+struct Copies {
+    /// Copies (1)
+    #[var(size = "n", start = [3.0, 4.0])]
+    copy: Array<f64, 2>,
+}
+
+/// Copies its inputs
+#[fmu::model(stop_time = 1.0, step_size = 0.5)]
+impl Discrete for Copier {
+    type Inputs = Originals;
+    type Outputs = Copies;
+    fn update(&self, sample: Sample<Self>) -> Copies {
+        Copies { copy: sample.inputs.original }
+    }
+}
+
+/// The copy of an array contains the start values of the elements that are not present; they must not become values.
+#[test]
+fn a_new_element_has_its_start_value_after_arrays_were_copied() {
+    let instance = Instance::<Copying>::co_simulation(false).initialized();
+    let description = Copying::description();
+    let of = |name: &str| {
+        let is_it = |v: &&fmu::testing::variable::Variable| v.declaration.name.starts_with(name);
+        description.layout.variables.iter().find(is_it).unwrap().reference
+    };
+    let copies = |count: usize| {
+        let mut values = vec![0.0; count];
+        assert_eq!(instance.get(&[of("copy")], &mut values), Status::Ok);
+        values
+    };
+    assert_eq!(instance.step(0.0, 0.5).0, Status::Ok);
+    assert_eq!(copies(1), [1.0]);
+    instance.call(fmi3::enter_configuration_mode::<Copying>);
+    // SAFETY: arrays of these lengths.
+    let status =
+        unsafe { fmi3::set_number::<Copying, u64>(instance.component, Function::SetUInt64, &of("n"), 1, &2, 1) };
+    assert_eq!(status, Status::Ok);
+    instance.call(fmi3::exit_configuration_mode::<Copying>);
+    assert_eq!(copies(2), [1.0, 4.0]);
+    assert_eq!(instance.step(0.5, 0.5).0, Status::Ok);
+    assert_eq!(copies(2), [1.0, 2.0]);
 }
 
 /// Reference: the equations. The third state in memory is not present.
