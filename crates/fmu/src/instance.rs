@@ -216,6 +216,10 @@ impl<M: Model> Instance<M> {
             return Err(self.error(function, message));
         }
         self.timeline = Timeline { start, stop, time: start, sample: 0 };
+        if M::HAS_CLOCKS {
+            // The ticks count from the start.
+            self.run = None;
+        }
         if M::HAS_ERROR_CONTROL && !self.is_tolerance_set {
             self.set_tolerance(tolerance);
         }

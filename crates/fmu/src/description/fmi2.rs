@@ -102,7 +102,8 @@ fn model_structure(xml: &mut Xml, layout: &Layout, unknowns: &Unknowns<'_>) -> W
     let index = |variable: &Variable| layout.structure_index(variable.reference);
     let unknown = |xml: &mut Xml, unknown: &Unknown<'_>| -> Written {
         // Without clocks, outputs are held between the steps.
-        let dependencies = unknown.dependencies.iter().filter(|_| layout.clocks.counts.booleans == 0);
+        let is_held = layout.clocks.counts.booleans > 0 && unknown.variable.role == Role::Output;
+        let dependencies = unknown.dependencies.iter().filter(|_| !is_held);
         let dependencies = list(dependencies.map(|variable| index(variable)));
         empty(xml, "Unknown", &[("index", &index(unknown.variable)), ("dependencies", &dependencies)])
     };

@@ -587,3 +587,52 @@ fn an_output_clock_ticks_at_one_event_of_a_step() {
         assert_eq!(fmu.0.get_boolean(reference::<Seen>("third")).unwrap(), third, "after {ticks} ticks");
     }
 }
+
+#[derive(Parameters)]
+struct Pump {
+    /// Time between strokes (s)
+    #[var(start = 0.25, positive)]
+    period: f64,
+}
+
+#[derive(Derived)]
+struct Rate {
+    /// Number of strokes in a second (Hz)
+    #[var]
+    rate: f64,
+}
+
+/// Pump
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Pump {
+    type Derived = Rate;
+    fn derived(&self) -> Result<Rate, String> {
+        Ok(Rate { rate: 1.0 / self.period })
+    }
+
+    /// Stroke
+    #[clock(changing, interval_of = "period")]
+    fn stroke(&self, _: Tick<Self>) {}
+}
+
+/// Reference: the same instance without the read.
+#[test]
+fn a_read_before_the_start_time_is_known_does_not_change_intervals() {
+    for is_read in [false, true] {
+        let mut pump = Instance::<<Pump as Export>::Model>::new(Protocol::CS3, Pump::description(), PathBuf::new());
+        if is_read {
+            pump.get_real(&[reference::<Pump>("rate")], &mut [0.0]).unwrap();
+        }
+        pump.setup(1000.0);
+        let stroke = Pump::description().layout.variables.iter().position(|v| v.declaration.name == "stroke").unwrap();
+        let stroke = Pump::description().layout.variables[stroke].reference;
+        assert_eq!(pump.interval(stroke).unwrap(), (0.25, Qualifier::Changed));
+    }
+}
+
+/// In FMI 2.0, outputs of a model with clocks are held, but a calculated parameter depends on the parameters.
+#[test]
+fn calculated_parameters_of_a_model_with_clocks_have_dependencies() {
+    let xml = Description::of::<<Pump as Export>::Model>(Format::FMI2, "".as_ref()).xml;
+    assert!(xml.contains(r#"<Unknown index="2" dependencies="1"/>"#), "{xml}");
+}
