@@ -410,8 +410,8 @@ fn clocks_of_two_fmus_meet_in_one_event() {
     for step in [0.1, 0.4, 1.0] {
         let of = run(&scenario(&components, &connections, [step, 4.0], "sequential"));
         let (together, at) = (of("together"), of("at"));
-        for row in 1..together.len() {
-            assert_eq!(together[row], ticks(1.0, row as f64 * step), "{step} s, row {row}");
+        for (row, &count) in together.iter().enumerate().skip(1) {
+            assert_eq!(count, ticks(1.0, row as f64 * step), "{step} s, row {row}");
         }
         // The second clock has ticked at 3.5 s for the last time, the first one before it.
         assert!((at[at.len() - 1] - 10.0 / 3.0).abs() < 1e-9, "{at:?}");
@@ -468,7 +468,7 @@ fn a_restored_system_repeats_its_ticks() {
     let mut session = Session::new(&plan.simulation, &plan.runs[0], &fmus).expect("a session");
     (0..6).for_each(|_| session.step().expect("a step"));
     let saved = session.save().expect("a state");
-    let mut finish = |session: &mut Session| {
+    let finish = |session: &mut Session| {
         session.restore(&saved).expect("it is restored");
         while !session.is_over() {
             session.step().expect("a step");

@@ -657,7 +657,7 @@ mod tests {
         };
         let of = |outputs: [Vec<Declaration>; 2]| {
             let layout = Layout::new(Declarations { outputs: outputs.concat(), ..Declarations::default() });
-            contradiction(&INFO, &layout, Format::FMI3).unwrap_or_default()
+            contradiction(&INFO, &layout, Format::FMI3, false).unwrap_or_default()
         };
         assert_eq!(of([output("a.x", &[plug]), output("b.y", &[plug])]), "");
         assert_eq!(
