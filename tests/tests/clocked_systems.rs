@@ -199,6 +199,39 @@ impl Discrete for Meeting {
 }
 "#;
 
+/// Reads an input at its own times.
+const SAMPLER: &str = r#"
+#[derive(Parameters)]
+pub struct Sampler;
+
+#[derive(Inputs)]
+pub struct U {
+    /// Input (1)
+    #[var(clock = "sample")]
+    input: f64,
+}
+
+#[derive(Outputs)]
+pub struct Y {
+    /// Input at the last tick (1)
+    #[var(clock = "sample")]
+    seen: f64,
+}
+
+/// Sampler
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Sampler {
+    type Inputs = U;
+    type Outputs = Y;
+
+    /// Ticks at 0, 0.1, 0.2, … s
+    #[clock(interval = 1 / 10)]
+    fn sample(&self, tick: Tick<Self>) {
+        tick.outputs.seen = tick.inputs.input;
+    }
+}
+"#;
+
 /// A discrete-time model without clocks.
 const GAIN: &str = r#"
 #[derive(Parameters)]
@@ -236,7 +269,14 @@ fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
         let folder = workspace().join("target/clocked_systems");
-        let models = [("source", SOURCE), ("relay", RELAY), ("delay", DELAY), ("meeting", MEETING), ("gain", GAIN)];
+        let models = [
+            ("source", SOURCE),
+            ("relay", RELAY),
+            ("delay", DELAY),
+            ("meeting", MEETING),
+            ("sampler", SAMPLER),
+            ("gain", GAIN),
+        ];
         for (name, source) in models {
             let package = folder.join(name);
             let exporter = workspace().join("crates/fmu");
@@ -376,6 +416,27 @@ fn a_countdown_of_another_fmu_ticks_at_the_same_time_or_later() {
                 assert_eq!(found, [n, n, n * (n + 1.0) / 2.0], "{delay} s, {order}, {step} s, row {row}");
                 let last = if n > 0.0 { 0.1 * (n - 1.0) + delay } else { 0.0 };
                 assert!((time[row] - last).abs() < 1e-12, "{delay} s, {step} s, row {row}: {} s", time[row]);
+            }
+        }
+    }
+}
+
+/// No clock is connected: both FMUs tick at their own times, and values arrive at the same tick in any order.
+#[test]
+fn clocked_values_arrive_at_the_same_tick_without_connected_clocks() {
+    for period in [0.1, 0.3] {
+        let source = format!("source = Source parameters = {{ period = {period:?} }}");
+        let mut components = [&*source, "first = Sampler", "second = Sampler"];
+        for (order, step) in ORDERS.into_iter().flat_map(|order| STEPS.map(|step| (order, step))) {
+            components.rotate_left(1);
+            let connections = ["source:value -> first:input", "first:seen -> second:input"];
+            let of = run(&scenario(&components, &connections, [step, 2.0], order));
+            for seen in [of("first:seen"), of("second:seen")] {
+                for row in 1..seen.len() {
+                    let last = 0.1 * (ticks(0.1, row as f64 * step) - 1.0);
+                    let expected = (last / period + 1e-9).floor() + 1.0;
+                    assert_eq!(seen[row], expected, "{period} s, {order}, {step} s, {components:?}, row {row}");
+                }
             }
         }
     }
