@@ -5,7 +5,7 @@ use fmu_system::export::System;
 use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::{self, Recording};
-use fmu_system::plan::{Origin, Plan};
+use fmu_system::plan::{Origin, Plan, Signal};
 use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use fmu_system::session::Session;
 use std::path::{Path, PathBuf};
@@ -397,8 +397,8 @@ fn a_chain_does_not_depend_on_the_order_of_the_components() {
     }
 }
 
-/// The delayed pulse ticks at the same time, in the second iteration of the event, or between two steps. The offset, which
-/// belongs to no clock, has the value of the source from the same time; the relay reads an unclocked output.
+/// The delayed pulse ticks at the same time, in the second iteration of the event, or between two steps. The offset,
+/// which belongs to no clock, has the value of the source from the same time; the relay reads an unclocked output.
 #[test]
 fn a_countdown_of_another_fmu_ticks_at_the_same_time_or_later() {
     for delay in [0.0, 0.03, 0.06] {
@@ -432,18 +432,19 @@ fn clocked_values_arrive_at_the_same_tick_without_connected_clocks() {
             let connections = ["source:value -> first:input", "first:seen -> second:input"];
             let of = run(&scenario(&components, &connections, [step, 2.0], order));
             for seen in [of("first:seen"), of("second:seen")] {
-                for row in 1..seen.len() {
+                for (row, seen) in seen.into_iter().enumerate().skip(1) {
                     let last = 0.1 * (ticks(0.1, row as f64 * step) - 1.0);
                     let expected = (last / period + 1e-9).floor() + 1.0;
-                    assert_eq!(seen[row], expected, "{period} s, {order}, {step} s, {components:?}, row {row}");
+                    assert_eq!(seen, expected, "{period} s, {order}, {step} s, {components:?}, row {row}");
                 }
             }
         }
     }
 }
 
-/// An FMU without clocks holds the value of a clocked output during its step. A clocked input is read at the tick: there,
-/// the gain has made the steps before it, with the value from the tick before. In Jacobi order, it is one step older.
+/// An FMU without clocks holds the value of a clocked output during its step. A clocked input is read at the tick:
+/// there, the gain has made the steps before it, with the value from the tick before. In Jacobi order, it is one step
+/// older.
 #[test]
 fn fmus_without_clocks_hold_and_provide_values() {
     let connections = ["source:pulse -> relay:trigger", "source:value -> gain:u", "gain:y -> relay:input"];
@@ -471,7 +472,7 @@ fn clocks_of_two_fmus_meet_in_one_event() {
     for step in [0.1, 0.4, 1.0] {
         let of = run(&scenario(&components, &connections, [step, 4.0], "sequential"));
         let (together, at) = (of("together"), of("at"));
-        for (row, &count) in together.iter().enumerate().skip(1) {
+        for (row, count) in together.into_iter().enumerate().skip(1) {
             assert_eq!(count, ticks(1.0, row as f64 * step), "{step} s, row {row}");
         }
         // The second clock has ticked at 3.5 s for the last time, the first one before it.
@@ -574,7 +575,8 @@ fn mistakes_in_connections_of_clocks_are_reported() {
         assert!(error.contains(expected), "{error}\n  expected {expected}");
     }
     let unconnected = lines(&[]).expect("a warning only");
-    let expected = "the clock `trigger` of `relay` is triggered and never ticks: no clock is connected to it; add a [[connection]]; output clocks: `source:pulse`";
+    let expected = "the clock `trigger` of `relay` is triggered and never ticks: no clock is connected to it; \
+                    add a [[connection]]; output clocks: `source:pulse`";
     assert!(unconnected.warnings.iter().any(|warning| warning.contains(expected)), "{:?}", unconnected.warnings);
 
     // Two output clocks have the name of the input clock.
@@ -588,7 +590,8 @@ fn mistakes_in_connections_of_clocks_are_reported() {
     // The plan lists the connection.
     let plan = lines(&["source:pulse -> relay:trigger"]).expect("it is valid");
     let is_found = plan.wiring[0].inputs.iter().any(|input| {
-        let is_source = matches!(&input.source, Origin::Output(signal) if signal.component == "source" && signal.variable == "pulse");
+        let is_pulse = |from: &Signal| from.component == "source" && from.variable == "pulse";
+        let is_source = matches!(&input.source, Origin::Output(from) if is_pulse(from));
         input.input.variable == "trigger" && is_source
     });
     assert!(is_found && plan.warnings.is_empty(), "{:?}", plan.warnings);

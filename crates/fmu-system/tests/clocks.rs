@@ -1,5 +1,5 @@
-//! Output clocks that tick at events of their FMU. The FMU is built from `data/clocks.c`, which rejects calls that FMI 3.0
-//! does not allow. Systems with other clocks are in `tests/tests/clocked_systems.rs`.
+//! Output clocks that tick at events of their FMU. The FMU is built from `data/clocks.c`, which rejects calls that FMI
+//! 3.0 does not allow. Systems with other clocks are in `tests/tests/clocked_systems.rs`.
 #![cfg(unix)]
 
 use fmu_import::archive::platform_of;
@@ -32,8 +32,8 @@ fn folder() -> TempDir {
     folder
 }
 
-/// The clock ticks once after the initialization and at the end of the first step at or after each multiple of 0.25 s. The
-/// counter ticks with it and reads the time. The crossings of the counter itself are connected to nothing.
+/// The clock ticks once after the initialization and at the end of the first step at or after each multiple of 0.25 s.
+/// The counter ticks with it and reads the time. The crossings of the counter itself are connected to nothing.
 #[test]
 fn an_output_clock_at_the_end_of_a_step_activates_the_other_fmu() {
     let folder = folder();
@@ -48,7 +48,8 @@ fn an_output_clock_at_the_end_of_a_step_activates_the_other_fmu() {
             for (from, to) in [("crossing", "trigger"), ("time_out", "value")] {
                 text += &format!("[[connection]]\nfrom = \"source:{from}\"\nto = \"counter:{to}\"\n");
             }
-            text += "[[case]]\nname = \"only\"\ntitle = \"Only\"\n[record]\nsignals = [\"counter:count\", \"counter:last\"]\n";
+            text += "[[case]]\nname = \"only\"\ntitle = \"Only\"\n";
+            text += "[record]\nsignals = [\"counter:count\", \"counter:last\"]\n";
             let source = FmuFolder::new([folder.path()]);
             let plan = resolve_text(Path::new("clocks.toml"), &text, &source, &Options::default()).unwrap();
             let never = "the clock `trigger` of `source` is triggered and never ticks: no clock is connected to it";

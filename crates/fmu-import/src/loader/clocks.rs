@@ -403,8 +403,8 @@ impl Instance {
     pub fn endless(&mut self, clocks: &[String]) -> CallError {
         let names = if clocks.is_empty() { "no clock".to_owned() } else { clocks.join(", ") };
         let reason = format!(
-            "more than {MOST_ITERATIONS} event iterations at one time, in each of which these clocks tick: {names}; start \
-             one of them with an interval above 0"
+            "more than {MOST_ITERATIONS} event iterations at one time, in each of which these clocks tick: {names}; \
+             start one of them with an interval above 0"
         );
         self.failed_event(reason)
     }

@@ -1,16 +1,16 @@
 //! Events of components whose clocks or clocked variables are connected (FMI 3.0.2, sections 2.2.9, 2.3.5 and 4.2).
 //!
-//! These components end their steps together, at the next tick of a time-based clock of any of them, and handle the event
-//! together. Each iteration of an event
+//! These components end their steps together, at the next tick of a time-based clock of any of them, and handle the
+//! event together. Each iteration of an event
 //!
 //! 1. activates the time-based clocks that are due,
-//! 2. transfers inputs and outputs until no signal changes, then activates the input clocks that are connected to clocks
-//!    that tick, and repeats this until no further clock becomes active,
+//! 2. transfers inputs and outputs until no signal changes, then activates the input clocks that are connected to
+//!    clocks that tick, and repeats this until no further clock becomes active,
 //! 3. updates all components in the event, and asks for new intervals.
 //!
-//! Components in Event Mode evaluate their active clocks from the state before the event, so the values do not depend on
-//! the order of the components. Clocks that are due at the end of a step tick at the start of the next step, with the
-//! inputs of that step.
+//! Components in Event Mode evaluate their active clocks from the state before the event, so the values do not depend
+//! on the order of the components. Clocks that are due at the end of a step tick at the start of the next step, with
+//! the inputs of that step.
 
 use super::{Bus, Component, Overwritten, Reached};
 use crate::run::Run;
