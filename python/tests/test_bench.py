@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from chassis_fmu.program import ROOT
 
 import bench_exporters
 import bench_masters
@@ -83,7 +84,7 @@ def test_comments_and_empty_lines_do_not_count(suffix: str, text: str, lines: in
 
 
 def test_each_reference_fmu_of_the_examples_is_counted(tmp_path: Path) -> None:
-    sources = sorted((bench_exporters.ROOT / "examples" / "reference-fmus").glob("*/src/lib.rs"))
+    sources = sorted((ROOT / "examples" / "reference-fmus").glob("*/src/lib.rs"))
     models = ["".join(word.capitalize() for word in source.parents[1].name.split("-")) for source in sources]
     for model in models:
         (tmp_path / model).mkdir()

@@ -678,7 +678,11 @@ fn innermost(ty: &Type) -> &Type {
 
 /// The number of dimensions whose length is a structural parameter.
 fn dimensions(ty: &Type) -> usize {
-    let Type::Path(path) = ty else { return 0 };
+    let path = match ty {
+        Type::Path(path) => path,
+        Type::Group(inner) => return dimensions(&inner.elem),
+        _ => return 0,
+    };
     match path.path.segments.last().map(|segment| segment.ident.to_string()).as_deref() {
         Some("Matrix") => 2,
         Some("Array") => 1 + element(ty).map_or(0, dimensions),

@@ -93,7 +93,8 @@ impl<F, const N: usize> DerefMut for Array<F, N> {
     }
 }
 
-/// All `N` elements have values, also those beyond the length.
+/// In memory, there are values for all `N` elements. Elements that are not present are not written: the derivatives of
+/// such states stay 0.
 impl<T, F: Field<T>, const N: usize> Field<T> for Array<F, N>
 where
     F::Start: Clone,
@@ -110,7 +111,9 @@ where
     }
     #[inline]
     fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
-        self.elements.write(values, at);
+        for (i, element) in self.iter().enumerate() {
+            element.write(values, at.plus(F::COUNTS.times(i)));
+        }
     }
 }
 

@@ -325,7 +325,7 @@ impl<M: Continuous> Keep<M> for OnHeap {
         Some(end)
     }
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64 {
-        ode::error_norm(x, end, &scratch.error, &scratch.nominals, tolerance)
+        scratch.weight * ode::error_norm(x, end, &scratch.error, &scratch.nominals, tolerance)
     }
     fn recycle(x: Self::State, scratch: &mut Scratch) {
         scratch.states.push(x);
@@ -433,6 +433,9 @@ pub(crate) struct Scratch {
     work: Vec<f64>,
     error: Vec<f64>,
     nominals: Vec<f64>,
+    /// Root of the number of states in memory divided by the number of present states: the mean in the norm of the error is
+    /// that of the present states.
+    pub(crate) weight: f64,
     jacobian: Jacobian,
     /// The structure for which the Jacobian was allocated; `Some(None)` if everything depends on everything.
     traced: Option<Option<Structure>>,
@@ -473,6 +476,7 @@ impl Scratch {
             work: vec![0.0; parts * n],
             error: vec![0.0; n],
             nominals: layout.states.reals().map(|index| layout.nominal(index)).collect(),
+            weight: 1.0,
             jacobian: Jacobian::dense(if linear < LEAST_SPARSE { linear } else { 0 }),
             traced: None,
             is_traced: false,

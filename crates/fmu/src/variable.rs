@@ -444,6 +444,12 @@ impl Layout {
         self.variables.iter().filter_map(of)
     }
 
+    /// Number of states in memory that are not present.
+    pub(crate) fn missing_states(&self, lengths: &[Length]) -> usize {
+        let missing = |array: &SizedArray| array.capacity() - array.elements(lengths).count();
+        self.sized.iter().filter(|array| array.role == Role::State).map(missing).sum()
+    }
+
     /// The array with a value reference, if its lengths are structural parameters.
     #[inline]
     pub(crate) fn sized_array(&self, reference: u32) -> Option<&SizedArray> {
