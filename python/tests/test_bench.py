@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from chassis_fmu.program import ROOT
 
 import bench_exporters
 import bench_masters
 import bench_workers
 import measuring
+from chassis_fmu.program import ROOT
 
 
 def test_commands_differ_in_the_master_only() -> None:
