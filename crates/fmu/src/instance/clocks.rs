@@ -159,6 +159,8 @@ impl<M: Model> Instance<M> {
             let (position, _) = self.input_clock(function, reference)?;
             self.schedule(position)?.is_new = false;
         }
+        // Active clocks were perhaps evaluated from schedules that the importer did not know.
+        self.forget_results();
         Ok(())
     }
 

@@ -636,3 +636,19 @@ fn calculated_parameters_of_a_model_with_clocks_have_dependencies() {
     let xml = Description::of::<<Pump as Export>::Model>(Format::FMI2, "".as_ref()).xml;
     assert!(xml.contains(r#"<Unknown index="2" dependencies="1"/>"#), "{xml}");
 }
+
+/// Reference: the same calls without the read, after which nothing was evaluated when the interval was asked for.
+#[test]
+fn an_interval_is_new_once_whatever_was_read() {
+    for is_read in [false, true] {
+        let mut fmu = Clocked::in_event_mode(&[]);
+        fmu.activate("control", true).unwrap();
+        if is_read {
+            fmu.integer("ticks");
+        }
+        assert_eq!(fmu.interval("pulse"), (0.125, Qualifier::Changed));
+        fmu.0.new_discrete_states().unwrap();
+        assert_eq!(fmu.interval("pulse"), (0.125, Qualifier::Unchanged));
+        assert_eq!(fmu.integer("ticks"), 1);
+    }
+}
