@@ -99,7 +99,7 @@ pub fn paths() -> Vec<PathBuf> {
 }
 
 /// Paths of the FMI 3.0 FMUs, sorted by name, from `$CHASSIS_FMU3_DIR` or `target/fmu3`. Leaves out the examples that do
-/// not start without their resources, which not all tests pass.
+/// not start without their resources, which not all tests pass, and the one whose arrays have no fixed lengths.
 ///
 /// # Panics
 /// If a kind is missing: continuous-time, discrete-time, with events, with all types.
@@ -108,7 +108,7 @@ pub fn paths_of_fmi3() -> Vec<PathBuf> {
     let folder = std::env::var_os("CHASSIS_FMU3_DIR").map_or_else(|| workspace().join("target/fmu3"), PathBuf::from);
     let mut paths = fmus_in(&folder);
     paths.retain(|path| {
-        ["LookupTable", "Resource"].iter().all(|name| path.file_stem().is_none_or(|stem| stem != *name))
+        ["LookupTable", "Resource", "StateSpace"].iter().all(|name| path.file_stem().is_none_or(|stem| stem != *name))
     });
     for name in ["RescueVehicle", "AllWheelSteering", "BouncingBall", "AllTypes"] {
         let is_there = paths.iter().any(|path| path.file_stem().is_some_and(|stem| stem == name));

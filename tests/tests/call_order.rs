@@ -472,6 +472,8 @@ fn every_function_in_every_state_of_fmi_3() {
     let mut fmus = all_of_fmi3();
     // The test compares serialized states; DcMotorDrive cannot serialize its state.
     fmus.retain(|fmu| fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state));
+    // A step past the tick of a clock is an error; crates/fmu tests the functions of clocks in each mode.
+    fmus.retain(|fmu| fmu.description.clocks.is_empty());
     let has_event_mode = |fmu: &Fmu| fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode);
     assert!(fmus.iter().any(|fmu| fmu.name == "BouncingBall" && has_event_mode(fmu)), "no FMU has Event Mode");
     let failed = every_function_in_every_state(&fmus);

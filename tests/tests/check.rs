@@ -117,7 +117,7 @@ const DEFECTS: &[(&str, &str, &str)] = &[
     ),
     ("<Real unit=\"rad\"", "<Real unit=\"grad\"", "its unit `grad` is not defined"),
     ("displayUnit=\"deg\"", "displayUnit=\"gon\"", "its display unit `gon`"),
-    ("initial=\"exact\"", "initial=\"calculated\"", "causality Parameter and initial Calculated"),
+    ("initial=\"exact\"", "initial=\"calculated\"", "causality Parameter, variability Fixed and initial Calculated"),
     ("variability=\"fixed\"", "variability=\"continuous\"", "Parameter and variability Continuous do not go together"),
     (
         "variability=\"discrete\" initial=\"exact\"",

@@ -32,7 +32,8 @@ impl Structure<'_> {
     pub(super) fn check(&self, report: Report<'_>) -> CheckResult<()> {
         let can_be_set = |(parameter, _): &(usize, &Variable)| {
             let mut arrays = self.arrays(*parameter).peekable();
-            arrays.peek().is_some()
+            self.description.variables[*parameter].causality == Causality::StructuralParameter
+                && arrays.peek().is_some()
                 && arrays
                     .all(|array| array.clocks.is_empty() && (!is_given(array) || array.data_type == DataType::Float64))
         };
