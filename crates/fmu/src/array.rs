@@ -95,6 +95,7 @@ impl<F, const N: usize> DerefMut for Array<F, N> {
 
 /// In memory, there are values for all `N` elements. Elements that are not present are not written: the derivatives of
 /// such states stay 0.
+#[diagnostic::do_not_recommend]
 impl<T, F: Field<T>, const N: usize> Field<T> for Array<F, N>
 where
     F::Start: Clone,
