@@ -77,6 +77,8 @@ struct Part {
     constant: Option<TokenStream>,
     /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
+    /// Constant expression: true if a variable is a structural parameter.
+    has_structure: TokenStream,
     /// Names of the structural parameters that are the lengths of an array.
     sizes: Vec<LitStr>,
     /// Constant expression of type `fmu::declare::Name`, followed by a comma, or nothing.
@@ -198,6 +200,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at)#lengths;)
     });
     let has_starts = parts.iter().map(|part| &part.has_starts);
+    let has_structure = parts.iter().map(|part| &part.has_structure);
     let members = members(&parts, &root, &number);
     let mut tokens = quote! {
         #[automatically_derived]
@@ -205,6 +208,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
             const COUNTS: #root::Counts = #root::Counts::ZERO
                 #(.plus(#counts))*;
             const HAS_STARTS: bool = false #(|| #has_starts)*;
+            const HAS_STRUCTURE: bool = false #(|| #has_structure)*;
             #members
             #[inline]
             fn read(values: #root::Values<'_, #number>, at: #root::Counts) -> Self {
@@ -420,6 +424,7 @@ fn part(
             name,
             declaration,
             has_starts: quote_spanned!(span=> #of::HAS_STARTS),
+            has_structure: quote_spanned!(span=> #of::HAS_STRUCTURE),
             text: quote_spanned!(span=> #root::Name::nested(#prefix, #of::NAMES),),
             ty,
             by: quote!(Variables),
@@ -489,6 +494,7 @@ fn part(
         })
     });
     let has_start = start.is_some();
+    let has_structure = variable.key("structural").is_some();
     let is_array = element(&ty).is_some();
     for alias in variable.aliases.iter().filter(|_| is_array) {
         errors.add(Error::new(alias.name.span(), "an alias is another name of a scalar; this variable is an array"));
@@ -510,6 +516,7 @@ fn part(
         sizes: variable.sizes(&field.ty).unwrap_or_default(),
         declaration: declaration.unwrap_or_default(),
         has_starts: quote!(#has_start),
+        has_structure: quote!(#has_structure),
         text,
     })
 }

@@ -111,7 +111,7 @@ impl<M: Model> Instance<M> {
             derivatives_are_old: true,
             has_not_finite: false,
             texts,
-            present_states: structure::present_states(&description.layout, &values),
+            present_states: structure::present_states::<M>(&description.layout, &values),
             description,
             values,
         }

@@ -327,6 +327,8 @@ pub struct Declarations {
     pub clocks: &'static [InputClock],
     /// Number of zero crossings.
     pub crossings: usize,
+    /// Finds the arrays with structural parameters. `None` if the model has none, so that its library does not contain it.
+    pub sized: Option<fn(&Layout) -> Vec<SizedArray>>,
     /// Name of the parameter that the solver reads.
     pub solver: Option<&'static str>,
 }
@@ -421,11 +423,12 @@ impl Layout {
             variables,
             positions,
         };
-        layout.sized = layout.sized_arrays().collect();
+        layout.sized = declared.sized.map_or_else(Vec::new, |sized| sized(&layout));
         layout
     }
 
-    fn sized_arrays(&self) -> impl Iterator<Item = SizedArray> {
+    /// See [`Declarations::sized`].
+    pub(crate) fn sized_arrays(&self) -> Vec<SizedArray> {
         let of = |variable: &Variable| {
             let sizes = variable.declaration.details.sizes;
             if sizes.is_empty() {
@@ -441,7 +444,7 @@ impl Layout {
             let dimensions = array.dimensions.iter().copied().zip(positions?).collect();
             Some(SizedArray { role: variable.role, reference: elements[0].reference, dimensions })
         };
-        self.variables.iter().filter_map(of)
+        self.variables.iter().filter_map(of).collect()
     }
 
     /// Number of states in memory that are not present.

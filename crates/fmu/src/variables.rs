@@ -398,6 +398,9 @@ pub trait Variables<T: Scalar>: Sized {
     /// True if a variable has an explicit start value.
     #[doc(hidden)]
     const HAS_STARTS: bool = false;
+    /// True if there are structural parameters.
+    #[doc(hidden)]
+    const HAS_STRUCTURE: bool = false;
     /// Names of the fields.
     #[doc(hidden)]
     const NAMES: &'static [Name] = &[];

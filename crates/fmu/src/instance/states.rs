@@ -32,7 +32,7 @@ impl<M: Model> Instance<M> {
         self.enter(snapshot.mode);
         self.timeline = snapshot.timeline;
         self.values.clone_from(&snapshot.values);
-        self.present_states = structure::present_states(&self.description.layout, &self.values);
+        self.present_states = structure::present_states::<M>(&self.description.layout, &self.values);
         self.run.clone_from(&snapshot.run);
         self.is_tolerance_set = snapshot.is_tolerance_set;
         self.derived.clone_from(&snapshot.derived);

@@ -7,9 +7,13 @@ use crate::calls::{Function, Interface, Mode};
 use crate::runner::Model;
 use crate::store::ValueStore;
 use crate::variable::{Layout, Role, SizedArray, Variable};
+use crate::variables::Variables as _;
 
 /// Positions of the present states in memory; `None` if their number cannot change.
-pub(super) fn present_states(layout: &Layout, values: &ValueStore) -> Option<Vec<usize>> {
+pub(super) fn present_states<M: Model>(layout: &Layout, values: &ValueStore) -> Option<Vec<usize>> {
+    if !M::Parameters::HAS_STRUCTURE {
+        return None;
+    }
     layout.sized.iter().find(|array| array.role == Role::State)?;
     let states = layout.states.reals();
     let (mut present, mut at) = (Vec::new(), states.start);
@@ -29,6 +33,9 @@ impl<M: Model> Instance<M> {
     pub fn enter_configuration(&mut self) -> CallResult {
         let function = Function::EnterConfigurationMode;
         self.check(function)?;
+        if !M::Parameters::HAS_STRUCTURE {
+            return Err(self.error(function, "the FMU has no structural parameters"));
+        }
         let before_start = self.mode == Mode::Instantiated;
         let details = |variable: &Variable| (variable.declaration.details.structural, variable.declaration.tunable);
         let is_settable = |variable| matches!(details(variable), (true, is_tunable) if before_start || is_tunable);
@@ -71,6 +78,6 @@ impl<M: Model> Instance<M> {
                 }
             }
         }
-        self.present_states = present_states(layout, &self.values);
+        self.present_states = present_states::<M>(layout, &self.values);
     }
 }

@@ -8,6 +8,7 @@ use crate::number::{self, Number, Size, is_finite, is_finite_f32};
 use crate::runner::Model;
 use crate::store::ValueStore;
 use crate::variable::{Declaration, Kind, Role, Variable};
+use crate::variables::Variables as _;
 
 /// FMI name of the variable type that a function reads or sets.
 fn type_of(function: Function, version: Version) -> &'static str {
@@ -336,10 +337,10 @@ impl<M: Model> Instance<M> {
     /// reject it.
     pub(crate) fn elements_of(&self, reference: u32, elements: &mut Vec<u32>) {
         match self.layout().sized_array(reference) {
-            Some(array) => {
+            Some(array) if M::Parameters::HAS_STRUCTURE => {
                 elements.extend(array.elements(&self.values.lengths).map(|position| reference + position as u32));
             }
-            None => {
+            _ => {
                 let length = self.description.lengths.get(reference as usize).map_or(1, |&length| length.max(1));
                 elements.extend((0..length).map(|i| reference.wrapping_add(i)));
             }
@@ -348,7 +349,7 @@ impl<M: Model> Instance<M> {
 
     /// Updates the parameters after a fixed or tunable parameter has changed.
     pub(super) fn parameters_changed(&mut self) {
-        if !self.layout().structural.is_empty() {
+        if M::Parameters::HAS_STRUCTURE {
             self.resize();
         }
         self.parameters = M::parameters(&self.values);

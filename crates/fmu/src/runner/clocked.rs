@@ -174,6 +174,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     fn layout() -> Layout {
         let mut declared = Declarations {
             parameters: M::declarations(),
+            sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
             clocks: M::CLOCKS,

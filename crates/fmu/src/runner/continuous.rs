@@ -156,6 +156,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     fn layout() -> Layout {
         let mut declared = Declarations {
             parameters: M::declarations(),
+            sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::<f64>::declarations(),
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),

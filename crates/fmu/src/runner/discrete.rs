@@ -48,6 +48,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
     fn layout() -> Layout {
         let mut declared = Declarations {
             parameters: M::declarations(),
+            sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
             ..Declarations::default()

@@ -26,6 +26,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
     fn layout() -> Layout {
         Layout::new(Declarations {
             parameters: M::declarations(),
+            sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
             ..Declarations::default()

@@ -366,7 +366,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         if run.scratch.is_missing::<M>() {
             run.scratch = Scratch::new::<M>(layout);
         }
-        if has_error_control(M::SOLVER) && !layout.sized.is_empty() {
+        if has_error_control(M::SOLVER) && M::HAS_STRUCTURE {
             let (all, missing) = (layout.states.counts.reals, layout.missing_states(&values.lengths));
             run.scratch.weight = f64::sqrt(all as f64 / (all - missing).max(1) as f64);
         }
