@@ -114,7 +114,9 @@ def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
 
 # fmi-sim 0.7.0 reads output clocks with fmi3GetBoolean, and a single value of an array.
 @both
-@pytest.mark.parametrize("path", [p for p in FMUS if p.stem not in ("Clocks", "StateSpace")], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [p for p in FMUS if p.stem not in ("Clocks", "StateSpace")], ids=lambda path: path.stem
+)
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
     """Ten steps of a copy without units, quantities and nominal values, which fmi-sim 0.7.0 cannot read."""
     description = fmpy.read_model_description(str(path))
