@@ -189,7 +189,7 @@ class Importer:
         self.free_saved()
         self.fmu.slave.freeInstance()
 
-    # What is compared.
+    # Comparisons with the expected values.
 
     def check(self) -> None:
         expected = self.expected

@@ -109,7 +109,7 @@ pub struct Delay {
     /// Delay (s)
     #[var(start = 0.0)]
     delay: f64,
-    /// Whether each delayed pulse starts another one
+    /// Start another pulse after each delayed one
     #[var(start = false)]
     repeat: bool,
 }

@@ -289,7 +289,7 @@ calls! {
     GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO, NO;
     GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, CS_GET, ME_GET, SE_GET|U;
     GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, CS_GET, ME_GET, SE_GET|U;
-    // FMI 3.0, capabilities that the exporter does not support. The functions exist and return errors.
+    // FMI 3.0: structural parameters, types that FMI 2.0 does not have, and clocks.
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S, I|E, I|A;
     ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, K|R, K|R, K|R;
     GetFloat32 "" "fmi3GetFloat32": NO, NO, CS_GET, ME_GET, SE_GET;

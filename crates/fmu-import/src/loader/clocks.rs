@@ -1,4 +1,4 @@
-//! Clocks of FMI 3.0 in co-simulation (FMI 3.0.2, sections 2.2.9, 2.3.5 and 4.2).
+//! Clocks of FMI 3.0 in co-simulation (FMI 3.0.2, sections 2.2.8, 2.3.5 and 4.2).
 //!
 //! The loader activates time-based clocks inside [`Instance::do_step`], as an FMU of FMI 2.0 takes its samples: a clock
 //! that is due at the start of a step ticks with the inputs from before the step; one that is due at the end ticks in

@@ -1,4 +1,4 @@
-//! Events of components whose clocks or clocked variables are connected (FMI 3.0.2, sections 2.2.9, 2.3.5 and 4.2).
+//! Events of components whose clocks or clocked variables are connected (FMI 3.0.2, sections 2.2.8, 2.3.5 and 4.2).
 //!
 //! These components end their steps together, at the next tick of a time-based clock of any of them, and handle the
 //! event together. Each iteration of an event
@@ -28,7 +28,7 @@ pub(super) struct Group {
     wires: Vec<[(usize, Reference); 2]>,
 }
 
-/// What a step reads and changes.
+/// The components of a step, their signals, and the values that overwrite inputs.
 pub(super) struct Signals<'a> {
     pub(super) members: &'a mut [Component],
     pub(super) bus: &'a mut Bus,
