@@ -213,11 +213,7 @@ def test_every_type_passes_through_fmpy(tmp_path: Path) -> None:
     path = FOLDER3 / "Feedthrough.fmu"
     description = fmpy.read_model_description(str(path))
     of = {variable.name: variable for variable in description.modelVariables}
-    fmu = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )
+    fmu = co_simulation(path, description, tmp_path)
     fmu.instantiate()
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
@@ -367,11 +363,7 @@ def test_an_alias_of_fmi_2_has_the_values_of_its_variable() -> None:
 def test_dependency_functions_agree_with_the_description(path: Path, tmp_path: Path) -> None:
     """FMPy 0.3.32 has wrappers for lists, but the first of them passes a type in place of a pointer."""
     description = fmpy.read_model_description(str(path))
-    fmu = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )
+    fmu = co_simulation(path, description, tmp_path)
     fmu.instantiate()
     sizes = {v.valueReference: math.prod(v.shape or (1,)) for v in description.modelVariables}
 
@@ -422,11 +414,7 @@ def test_clocks_tick_as_in_the_published_model(tmp_path: Path) -> None:
     path = FOLDER3 / "Clocks.fmu"
     description = fmpy.read_model_description(str(path))
     of = {variable.name: variable.valueReference for variable in description.modelVariables}
-    fmu = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )
+    fmu = co_simulation(path, description, tmp_path)
     fmu.instantiate(eventModeUsed=True)
     fmu.enterInitializationMode()
     assert interval(fmu, of["inClock1"]) == (1.0, 2)
@@ -533,11 +521,7 @@ def test_fmpy_gets_intermediate_updates(tmp_path: Path) -> None:
             assert abs(height - (1.0 - gravity / 2.0 * time**2)) < 1e-12
         times.append(time)
 
-    fmu = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )
+    fmu = co_simulation(path, description, tmp_path)
     fmu.instantiate(earlyReturnAllowed=True, intermediateUpdate=update, requiredIntermediateVariables=required)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
@@ -576,11 +560,7 @@ def test_the_sizes_of_a_system_can_change(tmp_path: Path) -> None:
     path = FOLDER3 / "StateSpace.fmu"
     description = fmpy.read_model_description(str(path))
     of = {variable.name: variable.valueReference for variable in description.modelVariables}
-    fmu = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), unzipdir=str(tmp_path)),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )
+    fmu = co_simulation(path, description, tmp_path)
     fmu.instantiate()
 
     def resize(size: int) -> None:
@@ -640,6 +620,15 @@ def test_python_gets_the_exact_values(tmp_path: Path) -> None:
         assert column.to_pylist() == [value] * 3
     with pytest.raises(cf.ScenarioError, match="expected a whole number from 0 to 18446744073709551615"):
         cf.Scenario(scenario, fmus=[FOLDER3]).simulate({"one:UInt64_input": -1})
+
+
+def co_simulation(path: Path, description: ModelDescription, folder: Path) -> FMU3Slave:
+    """Load an FMU for co-simulation, without an instance."""
+    return FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), unzipdir=str(folder)),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
 
 
 def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:

@@ -33,7 +33,7 @@ impl Resolver<'_> {
                 let mut sources = system.members.iter().flat_map(|member| &member.clocks);
                 sources.any(|(_, (from, _))| system.members[*from].name() == name)
             };
-            // A trial runs one component alone and cannot show whether its clocks depend on the parameter.
+            // The parameters on which its clocks depend are not known.
             if systems.iter().any(activates) {
                 continue;
             }
