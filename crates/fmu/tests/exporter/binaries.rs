@@ -3,11 +3,11 @@
 #![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
 
 use fmu::prelude::*;
-use fmu::testing::abi::{Export, Library, Status, fmi3};
+use fmu::testing::abi::{Export, Status, fmi3};
 use fmu::testing::description::{Description, Format};
 
 use crate::fmi3::Instance;
-use crate::models::reference;
+use crate::models::{exported, reference};
 
 #[derive(Parameters)]
 pub(crate) struct Frames {
@@ -57,15 +57,8 @@ impl Discrete for Frames {
     }
 }
 
-struct Frames3;
-
-impl Export for Frames3 {
-    type Model = <Frames as Export>::Model;
-    const FORMAT: Format = Format::FMI3;
-    fn library() -> &'static Library {
-        static LIBRARY: Library = Library::new();
-        &LIBRARY
-    }
+exported! {
+    Frames3: Frames, Format::FMI3;
 }
 
 fn get(instance: &Instance<Frames3>, name: &str) -> Vec<u8> {

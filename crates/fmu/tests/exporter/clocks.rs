@@ -4,13 +4,13 @@
 use std::path::PathBuf;
 
 use fmu::prelude::*;
-use fmu::testing::abi::{Export, Library};
+use fmu::testing::abi::Export;
 use fmu::testing::calls::{Mode, Protocol};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::{CallError, Instance, Qualifier};
 
 use crate::allocations::allocations;
-use crate::models::{Fmu, error_of, reference};
+use crate::models::{Fmu, error_of, exported, reference};
 
 #[derive(Parameters)]
 pub(crate) struct Watch {
@@ -104,15 +104,8 @@ impl Discrete for Watch {
     }
 }
 
-struct Watch3;
-
-impl Export for Watch3 {
-    type Model = <Watch as Export>::Model;
-    const FORMAT: Format = Format::FMI3;
-    fn library() -> &'static Library {
-        static LIBRARY: Library = Library::new();
-        &LIBRARY
-    }
+exported! {
+    Watch3: Watch, Format::FMI3;
 }
 
 type Clocked = Fmu<Watch3>;

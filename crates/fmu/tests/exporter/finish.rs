@@ -10,14 +10,14 @@ use fmu::prelude::*;
 use fmu::simulation::ContinuousSimulation;
 use fmu::testing::abi::fmi2::{self, EventInfo};
 use fmu::testing::abi::fmi3::{self, Boolean, IntermediateUpdate};
-use fmu::testing::abi::{Export, Library, Status};
+use fmu::testing::abi::{Export, Status};
 use fmu::testing::calls::{Function, Protocol};
 use fmu::testing::description::Format;
 use fmu::testing::instance::Instance as SafeInstance;
 
 use crate::c_interface::C;
 use crate::fmi3::Instance;
-use crate::models::reference;
+use crate::models::{exported, reference};
 
 #[derive(State)]
 struct X<T> {
@@ -97,23 +97,10 @@ impl Continuous for Alarm {
     }
 }
 
-macro_rules! fmi3 {
-    ($($name:ident: $model:ty;)*) => {$(
-        struct $name;
-        impl Export for $name {
-            type Model = <$model as Export>::Model;
-            const FORMAT: Format = Format::FMI3;
-            fn library() -> &'static Library {
-                static LIBRARY: Library = Library::new();
-                &LIBRARY
-            }
-        }
-    )*};
-}
-fmi3! {
-    EqualSteps3: EqualSteps;
-    ControlledSteps3: ControlledSteps;
-    Alarm3: Alarm;
+exported! {
+    EqualSteps3: EqualSteps, Format::FMI3;
+    ControlledSteps3: ControlledSteps, Format::FMI3;
+    Alarm3: Alarm, Format::FMI3;
 }
 
 /// Times in s are accurate to rounding errors: both solvers are exact for a parabola.

@@ -14,24 +14,10 @@ use fmu::testing::runner::ContinuousModel;
 
 use crate::arrays::Arrays;
 use crate::events::{EqualSteps, Pulses, ball};
-use crate::models::{CartPair, Fmu, Sampler, reals, reference};
+use crate::models::{CartPair, Fmu, Sampler, exported, reals, reference};
 use crate::types::DiscreteTypes;
 
-macro_rules! fmi3 {
-    ($($name:ident: $model:ty, $format:expr;)*) => {$(
-        struct $name;
-        impl Export for $name {
-            type Model = <$model as Export>::Model;
-            const FORMAT: Format = $format;
-            fn library() -> &'static Library {
-                static LIBRARY: Library = Library::new();
-                &LIBRARY
-            }
-        }
-    )*};
-}
-
-fmi3! {
+exported! {
     Carts: CartPair, Format::FMI3;
     NativeArrays: Arrays, Format { arrays: true, ..Format::FMI3 };
     Ball: EqualSteps, Format::FMI3;

@@ -8,7 +8,7 @@ use std::ptr::{null, null_mut};
 
 use fmu::prelude::*;
 use fmu::testing::abi::fmi3::{self, Boolean};
-use fmu::testing::abi::{Component, Export, Library, Status};
+use fmu::testing::abi::{Component, Export, Status};
 use fmu::testing::calls::{Function, Mode, Protocol, Version};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::Instance as SafeInstance;
@@ -17,7 +17,7 @@ use crate::allocations::allocations;
 use crate::arrays::Arrays;
 use crate::events::{ControlledSteps, EqualSteps, ImplicitSteps, Pulses, ball};
 use crate::fmi3::Instance;
-use crate::models::{Sampler, reals, reference};
+use crate::models::{Sampler, exported, reals, reference};
 
 #[derive(Parameters)]
 struct Dahlquist {
@@ -149,32 +149,18 @@ impl Continuous for Comparator {
     }
 }
 
-macro_rules! fmi3 {
-    ($($name:ident: $model:ty, $arrays:literal;)*) => {$(
-        struct $name;
-        impl Export for $name {
-            type Model = <$model as Export>::Model;
-            const FORMAT: Format = Format { arrays: $arrays, ..Format::FMI3 };
-            fn library() -> &'static Library {
-                static LIBRARY: Library = Library::new();
-                &LIBRARY
-            }
-        }
-    )*};
-}
-
-fmi3! {
-    Dahlquist3: Dahlquist, false;
-    Lag3: Lag, false;
-    ControlledLag3: ControlledLag, false;
-    ImplicitLag3: ImplicitLag, false;
-    Ball: EqualSteps, false;
-    ControlledBall: ControlledSteps, false;
-    ImplicitBall: ImplicitSteps, false;
-    Train: Pulses, false;
-    Comparator3: Comparator, false;
-    Filter: Sampler, false;
-    NativeArrays: Arrays, true;
+exported! {
+    Dahlquist3: Dahlquist, Format::FMI3;
+    Lag3: Lag, Format::FMI3;
+    ControlledLag3: ControlledLag, Format::FMI3;
+    ImplicitLag3: ImplicitLag, Format::FMI3;
+    Ball: EqualSteps, Format::FMI3;
+    ControlledBall: ControlledSteps, Format::FMI3;
+    ImplicitBall: ImplicitSteps, Format::FMI3;
+    Train: Pulses, Format::FMI3;
+    Comparator3: Comparator, Format::FMI3;
+    Filter: Sampler, Format::FMI3;
+    NativeArrays: Arrays, Format { arrays: true, ..Format::FMI3 };
 }
 
 /// Arguments of the callback, except those that are always true.

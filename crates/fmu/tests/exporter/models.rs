@@ -350,6 +350,22 @@ impl Discrete for Fragile {
     }
 }
 
+/// Exports models in a format, as `cargo fmu pack` does.
+macro_rules! exported {
+    ($($name:ident: $model:ty, $format:expr;)*) => {$(
+        struct $name;
+        impl fmu::testing::abi::Export for $name {
+            type Model = <$model as fmu::testing::abi::Export>::Model;
+            const FORMAT: fmu::testing::description::Format = $format;
+            fn library() -> &'static fmu::testing::abi::Library {
+                static LIBRARY: fmu::testing::abi::Library = fmu::testing::abi::Library::new();
+                &LIBRARY
+            }
+        }
+    )*};
+}
+pub(crate) use exported;
+
 /// An instance whose variables are accessed by name.
 pub(crate) struct Fmu<E: Export>(pub(crate) Instance<E::Model>);
 

@@ -5,14 +5,14 @@
 use std::cell::Cell;
 
 use fmu::prelude::*;
-use fmu::testing::abi::{Export, Library, Status, fmi3};
+use fmu::testing::abi::{Export, Status, fmi3};
 use fmu::testing::calls::{Function, Protocol};
 use fmu::testing::description::Format;
 use fmu::testing::instance::{CallError, Instance as SafeInstance};
 use fmu::testing::number::Number;
 
 use crate::fmi3::Instance;
-use crate::models::{Fmu, error_of, reference};
+use crate::models::{Fmu, error_of, exported, reference};
 
 /// Level
 #[derive(Enumeration, Clone, Copy, Debug, Default, PartialEq)]
@@ -137,15 +137,8 @@ impl Discrete for Numbers {
     }
 }
 
-struct Numbers3;
-
-impl Export for Numbers3 {
-    type Model = <Numbers as Export>::Model;
-    const FORMAT: Format = Format::FMI3;
-    fn library() -> &'static Library {
-        static LIBRARY: Library = Library::new();
-        &LIBRARY
-    }
+exported! {
+    Numbers3: Numbers, Format::FMI3;
 }
 
 fn get<V: Number + Default>(instance: &Instance<Numbers3>, function: Function, name: &str) -> Result<V, String> {

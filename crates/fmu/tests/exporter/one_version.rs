@@ -5,11 +5,11 @@
 use std::path::Path;
 
 use fmu::prelude::*;
-use fmu::testing::abi::{Export, Library, Status, fmi3};
+use fmu::testing::abi::{Export, Status, fmi3};
 use fmu::testing::description::{Description, Format};
 
 use crate::fmi3::Instance;
-use crate::models::reference;
+use crate::models::{exported, reference};
 
 #[derive(Parameters)]
 pub(crate) struct Camera {
@@ -69,15 +69,8 @@ impl Continuous for Camera {
     }
 }
 
-struct Camera3;
-
-impl Export for Camera3 {
-    type Model = <Camera as Export>::Model;
-    const FORMAT: Format = Format::FMI3;
-    fn library() -> &'static Library {
-        static LIBRARY: Library = Library::new();
-        &LIBRARY
-    }
+exported! {
+    Camera3: Camera, Format::FMI3;
 }
 
 fn xml(format: Format) -> String {

@@ -9,11 +9,11 @@ use std::sync::{Barrier, Mutex};
 
 use fmu::prelude::*;
 use fmu::testing::abi::fmi3::{self, Arguments};
-use fmu::testing::abi::{self, Component, Export, FmuState, Library, Status};
+use fmu::testing::abi::{self, Component, Export, FmuState, Status};
 use fmu::testing::calls::Function;
 use fmu::testing::description::{Description, Format};
 
-use crate::models::reference;
+use crate::models::{exported, reference};
 
 #[allow(unreachable_pub, reason = "the example is a library")]
 #[path = "../../../../examples/reference-fmus/clocks/src/lib.rs"]
@@ -123,24 +123,10 @@ impl Discrete for Workers {
     }
 }
 
-macro_rules! in_fmi3 {
-    ($($name:ident: $model:ty;)*) => {$(
-        struct $name;
-        impl Export for $name {
-            type Model = <$model as Export>::Model;
-            const FORMAT: Format = Format::FMI3;
-            fn library() -> &'static Library {
-                static LIBRARY: Library = Library::new();
-                &LIBRARY
-            }
-        }
-    )*};
-}
-
-in_fmi3! {
-    Clocks: clocks::Clocks;
-    Parts: Workers;
-    Unordered: crate::clocks::Watch;
+exported! {
+    Clocks: clocks::Clocks, Format::FMI3;
+    Parts: Workers, Format::FMI3;
+    Unordered: crate::clocks::Watch, Format::FMI3;
 }
 
 type Callback = Box<dyn Fn(Component) + Send + Sync>;

@@ -7,13 +7,14 @@ use std::ptr::null_mut;
 
 use fmu::prelude::*;
 use fmu::simulation::ContinuousSimulation;
-use fmu::testing::abi::{Export, Library, Status, fmi3};
+use fmu::testing::abi::{Export, Status, fmi3};
 use fmu::testing::calls::Function;
 use fmu::testing::description::{Description, Format};
 
 use crate::allocations::allocations;
 use crate::events::EqualSteps;
 use crate::fmi3::Instance;
+use crate::models::exported;
 
 /// Tanks that empty independently: level' = inflow - rate × level.
 #[derive(Parameters)]
@@ -81,23 +82,10 @@ impl Continuous for Drains {
     }
 }
 
-macro_rules! exported {
-    ($($name:ident: $model:ty;)*) => {$(
-        struct $name;
-        impl Export for $name {
-            type Model = <$model as Export>::Model;
-            const FORMAT: Format = Format { arrays: true, ..Format::FMI3 };
-            fn library() -> &'static Library {
-                static LIBRARY: Library = Library::new();
-                &LIBRARY
-            }
-        }
-    )*};
-}
 exported! {
-    Tanks: Drains;
-    Ball: EqualSteps;
-    Copying: Copier;
+    Tanks: Drains, Format { arrays: true, ..Format::FMI3 };
+    Ball: EqualSteps, Format { arrays: true, ..Format::FMI3 };
+    Copying: Copier, Format { arrays: true, ..Format::FMI3 };
 }
 
 /// The value reference of a variable, or of an array.
