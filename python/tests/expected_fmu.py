@@ -1,6 +1,6 @@
 """A small model of the standard: values, modes, sizes and clocks of a random FMU in co-simulation.
 
-References: FMI 3.0.2, sections 2.2.6 (values), 2.2.9 (clocks), 2.3 (modes) and 4.2 (co-simulation); FMI 2.0.4, section
+References: FMI 3.0.2, sections 2.2.6 (values), 2.2.8 (clocks), 2.3 (modes) and 4.2 (co-simulation); FMI 2.0.4, section
 4.2.4; for the values of elements that an array gets when it grows, and for steps beyond a tick, the guide.
 """
 

@@ -390,7 +390,12 @@ fn path_within(name: &str) -> Option<String> {
 
 /// Reads the description of an FMU without unpacking the FMU.
 pub fn read_description(path: &Path) -> Result<ModelDescription, ArchiveError> {
-    Archive::open(path)?.description()
+    read_description_with(path, &StructuralParameters::new())
+}
+
+/// Like [`read_description`], with values of structural parameters, see [`ModelDescription::parse_with`].
+pub fn read_description_with(path: &Path, structure: &StructuralParameters) -> Result<ModelDescription, ArchiveError> {
+    Archive::open(path)?.description_with(structure)
 }
 
 #[cfg(test)]

@@ -112,8 +112,7 @@ impl Fmu {
     }
 
     /// Like [`Self::unpack`], for a master that connects scalars: array elements are variables of the description, see
-    /// [`ModelDescription::with_elements`].
-    /// The instances have these values of structural parameters.
+    /// [`ModelDescription::with_elements`]. The instances have these values of structural parameters.
     pub fn unpack_by_element(path: impl AsRef<Path>, structure: &StructuralParameters) -> Result<Self, FmuError> {
         let Self(inner) = Self::unpack_with(path.as_ref(), Interface::CoSimulation, structure)?;
         let Inner { description, binary, unpacked, .. } = &*inner;

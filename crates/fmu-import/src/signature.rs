@@ -105,8 +105,13 @@ impl Signature {
         for clock in inputs {
             // The list also contains aliases.
             if clocks.iter().all(|known| known.reference != clock.reference) {
-                let Clock { name, reference, interval_variability: kind, interval, shift, .. } = clock.clone();
-                clocks.push(InputClock { name, reference, kind, interval, shift });
+                clocks.push(InputClock {
+                    name: clock.name.clone(),
+                    reference: clock.reference,
+                    kind: clock.interval_variability,
+                    interval: clock.interval,
+                    shift: clock.shift,
+                });
             }
         }
         let is_output = |clock: &&Clock| clock.causality == Causality::Output && is_co_simulation;

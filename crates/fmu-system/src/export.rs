@@ -127,7 +127,8 @@ impl System {
     /// # Errors
     /// An FMU cannot be read or has changed since the plan was made, signals come from a file, the file name of an FMU
     /// is not valid in a URI, an enumeration or an element of an array is set or connected, clocks are connected, a
-    /// connection converts between Real and Boolean, or a unit of measure has two definitions.
+    /// component has structural parameters, a connection converts between Real and Boolean, or a unit of measure has two
+    /// definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
     }
@@ -157,8 +158,7 @@ impl System {
             }
             let description = describe(&planned.fmu)?;
             if !planned.structure.is_empty() {
-                let reason =
-                    "structural parameters, which neither SSP nor OSP structures can set before the sizes of arrays";
+                let reason = "structural parameters, which other masters do not set before the initialization; use the native master";
                 return Err(ExportError::Unsupported(format!("`{}` has {reason}", planned.name)));
             }
             let fmu = PathBuf::from(&planned.fmu);

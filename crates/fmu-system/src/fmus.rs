@@ -1,7 +1,7 @@
 //! The FMUs of a system.
 
 use crate::run::{Component, Run};
-use fmu_import::archive::Archive;
+use fmu_import::archive::read_description_with;
 use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
 use fmu_import::loader::{CallError, Instance};
@@ -63,8 +63,7 @@ pub trait Instances {
 
     /// Returns the description of the FMU of a component.
     fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
-        let archive = Archive::open(Path::new(&component.fmu));
-        Ok(archive.and_then(|mut archive| archive.description_with(&component.structure)).map_err(FmuError::from)?)
+        Ok(read_description_with(Path::new(&component.fmu), &component.structure).map_err(FmuError::from)?)
     }
 }
 

@@ -136,11 +136,11 @@ impl Structure<'_> {
             let read = instance.get_array(array.reference, &mut values[..size(array, to)]);
             read.map_err(|error| self.wrong_size(array, to, &error))?;
         }
-        let derivatives = self.description.derivatives.iter();
-        let states: usize = derivatives.map(|unknown| size(&self.description.variables[unknown.variable], to)).sum();
         if self.interface == Interface::CoSimulation {
             return Ok(());
         }
+        let derivatives = self.description.derivatives.iter();
+        let states: usize = derivatives.map(|unknown| size(&self.description.variables[unknown.variable], to)).sum();
         let number = instance.get_number_of_states();
         let number = number.map_err(|error| self.failure(to.0, "the number of states is unknown", &error))?;
         let parameter = &self.description.variables[to.0].name;

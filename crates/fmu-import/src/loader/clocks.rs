@@ -2,10 +2,10 @@
 //!
 //! The loader activates time-based clocks inside [`Instance::do_step`], as an FMU of FMI 2.0 takes its samples: a clock
 //! that is due at the start of a step ticks with the inputs from before the step; one that is due at the end ticks in
-//! the next step. Between two ticks, clocked variables keep their values. Triggered input clocks never tick.
+//! the next step. Between two ticks, clocked variables keep their values. Triggered input clocks do not tick.
 //!
 //! A master that connects clocks of several instances handles their events itself ([`Instance::share_events`]): it ends
-//! its steps at the next tick of any instance ([`Instance::next_tick`], [`Instance::step`]). There, it lets
+//! its steps at the next tick of any instance ([`Instance::next_tick`], [`Instance::step`]). At each tick, it lets
 //! instances begin an event, activates clocks, evaluates and updates the instances, and ends the event.
 
 use super::calls::Function;

@@ -5,6 +5,7 @@ use super::error::CallError;
 use super::functions::Functions;
 use super::instance::Instance;
 use crate::c_api::Reference;
+use std::sync::Arc;
 
 impl Instance {
     /// `fmi3EnterConfigurationMode`. After the initialization, the FMU enters Reconfiguration Mode.
@@ -43,10 +44,11 @@ impl Instance {
 
     /// Sets the structural parameters with which the description was read. Call it after instantiation and reset.
     pub(super) fn configure(&mut self) -> Result<(), CallError> {
-        if self.signature().structure.is_empty() {
+        let library = Arc::clone(self.library());
+        let structure = &library.signature.structure;
+        if structure.is_empty() {
             return Ok(());
         }
-        let structure = self.signature().structure.clone();
         self.enter_configuration_mode()?;
         structure.iter().try_for_each(|(reference, value)| self.set_value(*reference, value))?;
         self.exit_configuration_mode()

@@ -1,6 +1,6 @@
 //! Sources of FMUs for the resolver.
 
-use fmu_import::archive::{Archive, read_description};
+use fmu_import::archive::{read_description, read_description_with};
 use fmu_import::description::{Causality, ModelDescription, StructuralParameters, Variable};
 use std::cell::RefCell;
 use std::cmp::Reverse;
@@ -26,8 +26,7 @@ impl Found {
         if structure.is_empty() {
             return Ok(self);
         }
-        let archive = Archive::open(Path::new(&self.path));
-        let description = archive.and_then(|mut archive| archive.description_with(structure));
+        let description = read_description_with(Path::new(&self.path), structure);
         let description = description.map_err(|error| error.to_string())?.with_elements();
         Ok(Self { description: Arc::new(description), ..self })
     }

@@ -144,6 +144,9 @@ impl Group {
                 instance.begin_event()?;
             }
         }
+        if !self.members.iter().any(|m| signals.members[*m].instance.is_in_event()) {
+            return Ok(());
+        }
         let mut iteration = 0;
         loop {
             for &m in &self.members {
