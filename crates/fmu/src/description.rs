@@ -319,7 +319,7 @@ fn mistaken_size(layout: &Layout) -> Option<String> {
         let Declaration { name, array, kind, details, .. } = &variable.declaration;
         match kind {
             Kind::Integer { start: 0, .. } if is_size(name) => {
-                return Some(format!("start of '{name}' must be above 0, because it is the length of an array"));
+                return Some(format!("start of '{name}' must be above 0, because it is the length of an array; got 0"));
             }
             _ if details.sizes.is_empty() => return None,
             _ => {}

@@ -11,7 +11,8 @@ use crate::timeline::Timeline;
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::{Parameters, Variables as _};
 
-/// Writes the parameters to the values. Returns them with arrays that have the lengths of the structural parameters.
+/// Writes the parameters to the values. Returns the parameters; their arrays have the lengths that the structural
+/// parameters state.
 fn with_lengths<M: Parameters>(model: M, layout: &Layout, values: &mut ValueStore) -> M {
     model.write(&mut values.view_mut(), Counts::ZERO);
     if layout.structural.is_empty() {

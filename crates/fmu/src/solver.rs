@@ -433,8 +433,8 @@ pub(crate) struct Scratch {
     work: Vec<f64>,
     error: Vec<f64>,
     nominals: Vec<f64>,
-    /// Root of the number of states in memory divided by the number of present states: the mean in the norm of the error is
-    /// that of the present states.
+    /// Square root of the number of states in memory over the number of present states. With this factor, the norm of
+    /// the error is the mean over the present states.
     pub(crate) weight: f64,
     jacobian: Jacobian,
     /// The structure for which the Jacobian was allocated; `Some(None)` if everything depends on everything.

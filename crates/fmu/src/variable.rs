@@ -294,11 +294,14 @@ impl SizedArray {
     pub(crate) fn capacity(&self) -> usize {
         self.dimensions.iter().map(|(most, _)| most).product()
     }
+    /// Number of present elements.
+    pub(crate) fn count(&self, lengths: &[Length]) -> usize {
+        self.dimensions.iter().map(|&(_, at)| lengths[at].value).product()
+    }
     /// The present elements, by their positions in memory, row by row.
     pub(crate) fn elements(&self, lengths: &[Length]) -> impl Iterator<Item = usize> {
         let length = |&(_, at): &(usize, usize)| lengths[at].value;
-        let count = self.dimensions.iter().map(length).product();
-        (0..count).map(move |number| {
+        (0..self.count(lengths)).map(move |number| {
             let (mut number, mut position, mut stride) = (number, 0, 1);
             for dimension in self.dimensions.iter().rev() {
                 position += number % length(dimension) * stride;
@@ -437,8 +440,8 @@ impl Layout {
             let (array, elements) =
                 self.array_of(variable).filter(|(_, elements)| elements[0].index == variable.index)?;
             let position = |name: &&str| {
-                let lengths = self.variables.iter().filter(|variable| variable.declaration.is_length());
-                lengths.map(|length| &length.declaration.name).position(|length| length == *name)
+                let length = self.by_name(name).filter(|variable| variable.declaration.is_length())?;
+                self.structural.iter().position(|&index| index == length.index)
             };
             let positions: Option<Vec<usize>> = sizes.iter().map(position).collect();
             let dimensions = array.dimensions.iter().copied().zip(positions?).collect();
@@ -449,7 +452,7 @@ impl Layout {
 
     /// Number of states in memory that are not present.
     pub(crate) fn missing_states(&self, lengths: &[Length]) -> usize {
-        let missing = |array: &SizedArray| array.capacity() - array.elements(lengths).count();
+        let missing = |array: &SizedArray| array.capacity() - array.count(lengths);
         self.sized.iter().filter(|array| array.role == Role::State).map(missing).sum()
     }
 

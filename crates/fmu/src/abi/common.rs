@@ -76,9 +76,12 @@ pub(super) unsafe fn check_guid<E: Export>(name: &str, guid: *const c_char) -> R
 pub unsafe fn free_instance<E: Export>(component: Component) {
     let handle = component.cast::<Handle<E>>();
     if !handle.is_null() && handle.is_aligned() {
-        // SAFETY: made by Box::into_raw in `instantiate`, not freed yet.
-        let h = unsafe { &*handle };
-        if updates::is_calling(h) {
+        // SAFETY: made by `scheduled::allocate`, not freed yet. A model with intermediate updates has no scheduled
+        // execution, so no other thread changes the handle.
+        if updates::are_provided::<E>()
+            && let h = unsafe { &*handle }
+            && updates::is_calling(h)
+        {
             let message = "fmi3FreeInstance called in Intermediate Update Mode; the instance was not freed";
             h.log.write(Status::Error, LOG_ERROR, message);
             return;
@@ -89,6 +92,7 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
         }
         // A panic here cannot be reported: the logger is dropped, too.
         let callers = float_environment::enter();
+        // SAFETY: made by `scheduled::allocate`, freed once.
         let _ = catch_unwind(AssertUnwindSafe(move || unsafe { scheduled::free::<E>(component) }));
         float_environment::leave(callers);
     }

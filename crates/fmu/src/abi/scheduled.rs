@@ -50,7 +50,7 @@ impl Drop for Unlock {
     }
 }
 
-/// The fields are dropped in their order.
+/// A locked instance. When dropped, it unlocks the instance, then calls `unlockPreemption`.
 struct Lock<'a> {
     updating: MutexGuard<'a, Vec<usize>>,
     _unlock: Unlock,

@@ -37,8 +37,9 @@ impl<M: Model> Instance<M> {
             return Err(self.error(function, "the FMU has no structural parameters"));
         }
         let before_start = self.mode == Mode::Instantiated;
-        let details = |variable: &Variable| (variable.declaration.details.structural, variable.declaration.tunable);
-        let is_settable = |variable| matches!(details(variable), (true, is_tunable) if before_start || is_tunable);
+        let is_settable = |variable: &Variable| {
+            variable.declaration.details.structural && (before_start || variable.declaration.tunable)
+        };
         if !self.layout().variables.iter().any(is_settable) {
             let which = if before_start { "structural parameters" } else { "tunable structural parameters" };
             return Err(self.error(function, format_args!("the FMU has no {which}")));
@@ -63,15 +64,17 @@ impl<M: Model> Instance<M> {
     /// their start values, because a model may have copied other values to their memory.
     pub(super) fn resize(&mut self) {
         let layout = &self.description.layout;
-        let before = self.values.lengths.clone();
-        self.values.update_lengths(layout);
-        if self.values.lengths == before {
+        let lengths = &self.values.lengths;
+        if layout.structural.iter().zip(lengths).all(|(&index, length)| self.values.words[index] == length.value as u64)
+        {
             return;
         }
+        let before = lengths.clone();
+        self.values.update_lengths(layout);
         let starts = ValueStore::start(layout);
         for array in &layout.sized {
-            let kept: BTreeSet<_> = array.elements(&before).collect();
-            let kept: BTreeSet<_> = array.elements(&self.values.lengths).filter(|at| kept.contains(at)).collect();
+            let old: BTreeSet<_> = array.elements(&before).collect();
+            let kept: BTreeSet<_> = array.elements(&self.values.lengths).filter(|at| old.contains(at)).collect();
             for position in (0..array.capacity()).filter(|position| !kept.contains(position)) {
                 if let Some(element) = layout.by_reference(array.reference + position as u32) {
                     self.values.copy(&starts, element);

@@ -507,7 +507,7 @@ fn mistaken_sizes_are_errors() {
     assert_eq!(error_of::<Unknown>(format), format!("Unknown: the length 'm' of 'values' {rule}"));
     let room = "TooLong: 'values' has room for 4 elements, so `max` of 'n' must be 4, got 5";
     assert_eq!(error_of::<TooLong>(format), room);
-    let empty = "Empty: start of 'n' must be above 0, because it is the length of an array";
+    let empty = "Empty: start of 'n' must be above 0, because it is the length of an array; got 0";
     assert_eq!(error_of::<Empty>(format), empty);
     for format in [Format::FMI2, Format::FMI3] {
         let expected = "'rate' has the length n, which only array variables can have: pack with --fmi 3 --arrays";
