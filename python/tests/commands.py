@@ -40,3 +40,8 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, str]:
 def chassis(*arguments: str | Path) -> tuple[int, str]:
     """Run a command of `chassis`, like `cargo_fmu`."""
     return _call([sys.executable, "-m", "chassis_fmu", *arguments])
+
+
+def unwrapped(message: str) -> str:
+    """Return an error in one line: its lines, with a bar at their left, depend on the lengths of paths in it."""
+    return " ".join(message.replace("│", " ").split())

@@ -15,6 +15,7 @@ import msgspec
 
 from chassis_fmu import program, shell
 from chassis_fmu.study import app
+from tests.commands import unwrapped
 
 SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
@@ -121,7 +122,6 @@ def carry_out(arguments: Sequence[str]) -> int:
     """Run a study like `chassis study`, but in this process; returns the exit code."""
     done = request(arguments, Path(arguments[0]).parent)
     if done.returncode:
-        # Messages are wrapped, with a bar at their left.
-        print(*done.stderr.decode().replace("│", " ").split(), file=sys.stderr)
+        print(unwrapped(done.stderr.decode()), file=sys.stderr)
         return done.returncode
     return app.carry_out(msgspec.json.decode(done.stdout, type=app.Request, dec_hook=shell.path))

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from chassis_fmu.files import results
-from tests.commands import chassis
+from tests.commands import chassis, unwrapped
 
 PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]
 
@@ -58,13 +58,13 @@ def test_every_maneuver_runs_with_every_plant(maneuver: str, tmp_path: Path) -> 
 def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     code, _ = chassis("new", tmp_path / "a", "--plant", "EspCar", "--maneuver", "none_of_them")
     assert code == 1
-    text = " ".join(capfd.readouterr().err.replace("│", " ").split())
+    text = unwrapped(capfd.readouterr().err)
     for name in MANEUVERS:
         assert f"{name}," in text
     # The error for a maneuver that needs more than its name lists what is missing.
     code, _ = chassis("new", tmp_path / "a", "--plant", "EspCar", "--maneuver", "table")
     assert code == 1
-    assert "table.file" in " ".join(capfd.readouterr().err.replace("│", " ").split())
+    assert "table.file" in unwrapped(capfd.readouterr().err)
 
 
 @pytest.mark.parametrize(
@@ -80,5 +80,5 @@ def test_mistakes_are_named(
 ) -> None:
     code, _ = chassis("new", tmp_path / "my-test", *options)
     assert code == 1
-    assert expected in " ".join(capfd.readouterr().err.replace("│", " ").split())
+    assert expected in unwrapped(capfd.readouterr().err)
     assert not list(tmp_path.iterdir())
