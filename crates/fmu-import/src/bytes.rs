@@ -2,6 +2,7 @@
 //!
 //! Source: XML Schema 1.0, part 2, section 3.2.15 (`hexBinary`); RFC 4648, section 4 (Base64).
 
+use data_encoding::{BASE64, Encoding, HEXLOWER_PERMISSIVE};
 use serde::{Deserialize, Serialize};
 
 /// Encoding of the bytes of a Binary as text.
@@ -15,70 +16,30 @@ pub enum BinaryText {
     Hex,
 }
 
-const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-
 impl BinaryText {
+    fn encoding(self) -> Encoding {
+        match self {
+            Self::Base64 => BASE64,
+            Self::Hex => HEXLOWER_PERMISSIVE,
+        }
+    }
+
     /// Appends the text of some bytes.
     pub fn push(self, text: &mut Vec<u8>, bytes: &[u8]) {
-        match self {
-            Self::Base64 => {
-                for part in bytes.chunks(3) {
-                    let group = part.iter().fold(0, |group: u32, byte| group << 8 | u32::from(*byte));
-                    let group = group << (8 * (3 - part.len()));
-                    let digit = |at: usize| BASE64[(group >> (18 - 6 * at)) as usize % 64];
-                    text.extend((0..4).map(|at| if at <= part.len() { digit(at) } else { b'=' }));
-                }
-            }
-            Self::Hex => text.extend(bytes.iter().flat_map(|byte| [byte >> 4, byte % 16]).map(hex_digit)),
-        }
+        text.extend(self.encode(bytes).into_bytes());
     }
 
     /// The text of some bytes.
     pub fn encode(self, bytes: &[u8]) -> String {
-        let mut text = Vec::new();
-        self.push(&mut text, bytes);
-        text.into_iter().map(char::from).collect()
+        self.encoding().encode(bytes)
     }
 
     /// Parses a text; `None` if it is not in this encoding. Both cases of hexadecimal digits are accepted.
     pub fn decode(self, text: &str) -> Option<Vec<u8>> {
-        match self {
-            Self::Base64 => from_base64(text.as_bytes()),
-            Self::Hex => {
-                let digits = text.bytes().map(|digit| char::from(digit).to_digit(16)).collect::<Option<Vec<u32>>>()?;
-                let pairs = digits.chunks_exact(2);
-                pairs.remainder().is_empty().then(|| pairs.map(|pair| (pair[0] << 4 | pair[1]) as u8).collect())
-            }
-        }
+        // The crate also reads several padded texts behind each other.
+        let single = !text.trim_end_matches('=').contains('=');
+        self.encoding().decode(text.as_bytes()).ok().filter(|_| single)
     }
-}
-
-fn hex_digit(value: u8) -> u8 {
-    value + if value < 10 { b'0' } else { b'a' - 10 }
-}
-
-fn from_base64(text: &[u8]) -> Option<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
-    let groups = text.chunks_exact(4);
-    if !groups.remainder().is_empty() {
-        return None;
-    }
-    let last = groups.len().saturating_sub(1);
-    for (index, group) in groups.enumerate() {
-        let padding = if index == last { group.iter().rev().take_while(|digit| **digit == b'=').count() } else { 0 };
-        let digits = group.get(..4 - padding).filter(|digits| digits.len() >= 2)?;
-        let value = digits.iter().try_fold(0, |value: u32, digit| {
-            Some(value << 6 | u32::try_from(BASE64.iter().position(|other| other == digit)?).ok()?)
-        })?;
-        let [_, of_group @ ..] = (value << (6 * padding)).to_be_bytes();
-        let (kept, dropped) = of_group.split_at(3 - padding);
-        // Bits behind the last byte must be 0 (RFC 4648, section 3.5).
-        if dropped.iter().any(|byte| *byte != 0) {
-            return None;
-        }
-        bytes.extend_from_slice(kept);
-    }
-    Some(bytes)
 }
 
 /// Bytes as a hexadecimal string in JSON.
