@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use fmu_import::bytes::BinaryText;
 use fmu_import::description::ModelDescription;
 use fmu_linear::linearize::Linear;
 use fmu_math::eigenvalues;
@@ -76,7 +77,7 @@ impl LinearModel {
         Some(Self {
             fmu: description.model_name.clone(),
             guid: description.guid.clone(),
-            sha256: Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect(),
+            sha256: BinaryText::Hex.encode(&Sha256::digest(file)),
             settings: settings.to_vec(),
             states,
             inputs,

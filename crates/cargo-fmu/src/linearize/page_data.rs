@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 
+use fmu_import::bytes::BinaryText;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -72,7 +73,7 @@ impl Block {
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
         encoder.write_all(&bytes)?;
         let case = json!({"name": CASE, "title": "Linear model", "color": 0, "dash": 0});
-        let block = base64(&encoder.finish()?);
+        let block = BinaryText::Base64.encode(&encoder.finish()?);
         let figures: Vec<_> = figures.iter().map(|(name, panels)| json!({"name": name, "panels": panels})).collect();
         let data = json!({"format": 1, "cases": [case], "seeds": [], "figures": figures, "block": block});
         // No text may end the element or begin a comment.
@@ -80,34 +81,9 @@ impl Block {
     }
 }
 
-/// Base64 with the alphabet of RFC 4648 and padding.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let at = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let group = at(0) << 16 | at(1) << 8 | at(2);
-        for i in 0..4 {
-            let index = group >> (18 - 6 * i) & 63;
-            text.push(if i <= chunk.len() { char::from(ALPHABET[index as usize]) } else { '=' });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// RFC 4648, section 10.
-    #[test]
-    fn base64_follows_its_rfc() {
-        for (bytes, text) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 
     #[test]
     fn columns_are_differences_of_words() {
