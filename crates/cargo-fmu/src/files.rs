@@ -1,8 +1,8 @@
 //! Result files, which are written completely or not at all.
 
-use std::io::Write as _;
 use std::path::Path;
 
+use fmu_import::temporary;
 use miette::{IntoDiagnostic, Result, WrapErr};
 
 /// Fails if the folder is not writable. Otherwise, a long run would fail only at its end.
@@ -15,18 +15,5 @@ pub fn try_to_write(folder: &Path) -> Result<()> {
 
 /// Writes a file completely or not at all.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let write = || -> std::io::Result<()> {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder)?;
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        file.write_all(bytes)?;
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))?;
-        }
-        file.persist(path)?;
-        Ok(())
-    };
-    write().into_diagnostic().wrap_err_with(|| format!("writing {}", path.display()))
+    temporary::write_whole(path, bytes).into_diagnostic().wrap_err_with(|| format!("writing {}", path.display()))
 }

@@ -18,11 +18,12 @@ use crate::study::{Method, Search, Study};
 use crate::{ahp, cma_es, genetic, pacsa};
 use fmu_import::description::{Unit, Value};
 use fmu_import::parameter_set::{self, ParameterSet};
+use fmu_import::temporary;
 use fmu_system::run::Run;
 use serde::Serialize;
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Version of the layout of the summary.
@@ -405,19 +406,8 @@ fn json<T: Serialize>(value: &T) -> String {
     serde_json::to_string_pretty(value).map(|text| text + "\n").unwrap_or_default()
 }
 
-/// Writes a file that appears complete or not at all.
 fn write(path: &Path, content: &[u8]) -> Result<(), ExecutionError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let written = std::fs::create_dir_all(folder).and_then(|()| {
-        let mut part = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder)?;
-        part.write_all(content)?;
-        part.as_file().sync_all()?;
-        // Only its owner can read a temporary file; the results get the usual permissions.
-        #[cfg(unix)]
-        part.as_file().set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
-        part.persist(path).map_err(|error| error.error)
-    });
-    written.map(drop).map_err(ExecutionError::io(path))
+    temporary::write_whole(path, content).map_err(ExecutionError::io(path))
 }
 
 fn remove(path: &Path) -> Result<(), ExecutionError> {
