@@ -17,7 +17,7 @@ use crate::bench::{Bench, drive};
 use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::metric;
-use crate::results::{Results, Suite};
+use crate::results::{Results, Series, Suite};
 use crate::run_result::RunResult;
 use crate::run_spec::RunSpec;
 use crate::systems::Speed;
@@ -162,6 +162,37 @@ fn needs_footprint(bench: &Bench<'_>) -> Option<NotApplicable> {
         let reason = format!("unknown vehicle data: {}; set them in a file for `--vehicle`", unknown.join(", "));
         (!unknown.is_empty()).then(|| NotApplicable::new(reason))
     })
+}
+
+/// The extreme value of a metric over all runs of a series, and at each amplitude or speed.
+struct Extreme {
+    name: &'static str,
+    choose: fn(f64, f64) -> f64,
+    value: Option<f64>,
+    /// Amplitude or speed, and value; `None` if a run there has no value that can be compared.
+    values: Vec<(f64, Option<f64>)>,
+}
+
+impl Extreme {
+    fn new(name: &'static str, choose: fn(f64, f64) -> f64) -> Self {
+        Self { name, choose, value: None, values: Vec::new() }
+    }
+
+    /// Adds a run. A run that was cut short cannot be compared with complete runs.
+    fn add(&mut self, at: f64, value: Option<f64>, is_comparable: bool) {
+        self.value = self.value.into_iter().chain(value).reduce(self.choose);
+        let comparable = value.filter(|_| is_comparable);
+        match self.values.last_mut().filter(|(last, _)| *last == at) {
+            Some((_, both)) => *both = both.zip(comparable).map(|(old, new)| (self.choose)(old, new)),
+            None => self.values.push((at, comparable)),
+        }
+    }
+
+    fn series(self, unit: &'static str) -> Series {
+        let is_whole = self.values.iter().all(|(_, value)| value.is_some());
+        let values = self.values.into_iter().filter_map(|(at, value)| Some((at, value?))).collect();
+        Series { unit, values, is_whole }
+    }
 }
 
 /// Runs a maneuver, or records the reason that it does not apply.

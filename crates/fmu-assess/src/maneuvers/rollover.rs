@@ -1,10 +1,9 @@
 //! Fishhook with roll-rate feedback, and J-turn (NHTSA): lowest speed at which two wheels lift.
 
-use super::{SIDES, executed, number, truth};
+use super::{Extreme, SIDES, executed, number, truth};
 use crate::bench::Bench;
-use crate::evaluators::Evaluation;
 use crate::metric::Definition;
-use crate::results::{Bound, Limit, Results, Series};
+use crate::results::{Bound, Limit, Results};
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
@@ -17,7 +16,7 @@ type MakeSpec<'a> = &'a dyn Fn(&str, f64, f64, f64) -> RunSpec;
 
 fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut Results) {
     let mut lifted = None;
-    let mut peaks = PEAKS.map(|(of, _)| Peaks::new(of.name));
+    let mut peaks = PEAKS.map(|(of, _)| Extreme::new(of.name, f64::max));
     let mut is_known = false;
     for mph in speeds {
         let specs = SIDES.map(|(side, sign)| spec(side, sign, *mph, mph * MPH));
@@ -31,7 +30,10 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
             }
             found.push((metrics, run.cut_short().is_some()));
         }
-        peaks.iter_mut().for_each(|peaks| peaks.add(*mph, &found, lifted.is_none()));
+        for (metrics, is_cut) in &found {
+            let is_comparable = lifted.is_none() && !is_cut;
+            peaks.iter_mut().for_each(|peak| peak.add(*mph, number(metrics, peak.name), is_comparable));
+        }
         if lifted.is_some() {
             break;
         }
@@ -51,14 +53,14 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
         metric.set_best("no wheels lift");
         metric.bound = speeds.last().filter(|_| is_known).map(|highest| Bound::Above(*highest));
     }
-    for (peaks, (of, signal)) in peaks.into_iter().zip(&PEAKS) {
-        let metric = results.metric(of, peaks.largest);
-        metric.series = Some(peaks.series);
-        if peaks.largest.is_none() && bench.plant.has_output(signal) {
+    for (peak, (of, signal)) in peaks.into_iter().zip(&PEAKS) {
+        let metric = results.metric(of, peak.value);
+        if peak.value.is_none() && bench.plant.has_output(signal) {
             metric.set_reason("no run has a value");
-        } else if peaks.largest.is_none() {
+        } else if peak.value.is_none() {
             metric.set_dropped(&format!("the plant has no output `{signal}`"));
         }
+        metric.series = Some(peak.series("mph"));
     }
 }
 
@@ -80,31 +82,6 @@ const PEAKS: [(Definition, &str); 2] = [
         "body.roll",
     ),
 ];
-
-/// The largest peak of all runs, and the peaks at the speeds that the vehicle can drive.
-struct Peaks {
-    name: &'static str,
-    largest: Option<f64>,
-    series: Series,
-}
-
-impl Peaks {
-    fn new(name: &'static str) -> Self {
-        Self { name, largest: None, series: Series { unit: "mph", values: Vec::new(), is_whole: true } }
-    }
-
-    /// Adds the runs at a speed, one to each side. The flag of a run is true if it was cut short.
-    fn add(&mut self, mph: f64, found: &[(Evaluation, bool)], is_driven: bool) {
-        let peaks: Vec<Option<f64>> = found.iter().map(|(metrics, _)| number(metrics, self.name)).collect();
-        let largest = peaks.iter().flatten().copied().reduce(f64::max);
-        self.largest = self.largest.into_iter().chain(largest).reduce(f64::max);
-        let is_whole = is_driven && peaks.iter().all(Option::is_some) && !found.iter().any(|(_, is_cut)| *is_cut);
-        match largest.filter(|_| is_whole) {
-            Some(largest) => self.series.values.push((mph, largest)),
-            None => self.series.is_whole = false,
-        }
-    }
-}
 
 /// A fishhook at the given speed (m/s) and steering-wheel angle (deg).
 pub(crate) fn fishhook_spec(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> RunSpec {

@@ -1,11 +1,10 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of increasing amplitudes to both sides, while coasting.
 
-use super::{NotApplicable, SIDES, executed, number, reason, truth};
+use super::{Extreme, NotApplicable, SIDES, executed, number, reason, truth};
 use crate::bench::Bench;
-use crate::evaluators::Evaluation;
 use crate::evaluators::sine_with_dwell::least_displacement;
 use crate::metric::Definition;
-use crate::results::{Limit, Results, Series};
+use crate::results::{Limit, Results};
 use crate::run_spec::RunSpec;
 use crate::wiring::Driving;
 use serde_json::json;
@@ -40,40 +39,6 @@ pub(crate) fn not_applicable(bench: &Bench<'_>) -> Option<NotApplicable> {
     Some(NotApplicable::new(format!("A is {small} deg; the series needs more than {LEAST} deg")))
 }
 
-/// The extreme value of a metric over all runs, and at each amplitude.
-struct Extreme {
-    name: &'static str,
-    choose: fn(f64, f64) -> f64,
-    value: Option<f64>,
-    /// Amplitude as a multiple of A, and value; `None` if a run with this amplitude has no value.
-    values: Vec<(f64, Option<f64>)>,
-}
-
-impl Extreme {
-    fn new(name: &'static str, choose: fn(f64, f64) -> f64) -> Self {
-        Self { name, choose, value: None, values: Vec::new() }
-    }
-
-    /// Adds a run. A run that was cut short (`is_whole` is false) cannot be compared with complete runs.
-    fn add(&mut self, amplitude: f64, metrics: &Evaluation, is_whole: bool) {
-        // The displacement is positive; the ratios have signs.
-        let value = number(metrics, self.name);
-        let value = if self.name == "lateral_displacement" { value } else { value.map(f64::abs) };
-        self.value = self.value.into_iter().chain(value).reduce(self.choose);
-        let comparable = value.filter(|_| is_whole);
-        match self.values.last_mut().filter(|(last, _)| *last == amplitude) {
-            Some((_, both)) => *both = both.zip(comparable).map(|(old, new)| (self.choose)(old, new)),
-            None => self.values.push((amplitude, comparable)),
-        }
-    }
-
-    fn series(self) -> Series {
-        let is_whole = self.values.iter().all(|(_, value)| value.is_some());
-        let values = self.values.into_iter().filter_map(|(amplitude, value)| Some((amplitude, value?))).collect();
-        Series { unit: "A", values, is_whole }
-    }
-}
-
 pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
     let mut worst = ["yaw_rate_ratio_1s", "yaw_rate_ratio_1_75s"].map(|name| Extreme::new(name, f64::max));
@@ -91,9 +56,11 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         for (run, metrics) in executed(bench, specs, "sine_with_dwell", &options, results) {
             results.show(&run);
             let is_whole = run.cut_short().is_none();
-            worst.iter_mut().for_each(|worst| worst.add(amplitude / a, &metrics, is_whole));
+            for worst in &mut worst {
+                worst.add(amplitude / a, number(&metrics, worst.name).map(f64::abs), is_whole);
+            }
             if amplitude >= COUNTS_FROM * a - 1e-9 {
-                least.add(amplitude / a, &metrics, is_whole);
+                least.add(amplitude / a, number(&metrics, least.name), is_whole);
             }
             match truth(&metrics, "stable") {
                 _ if run.has("spun") || run.has("rolled_over") || run.error.is_some() => is_pair_stable = false,
@@ -133,7 +100,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     for (worst, (title, definition)) in worst.into_iter().zip(titles.into_iter().zip(definitions)) {
         let of = Definition::new(worst.name, title, "1", definition).down();
         let value = worst.value;
-        results.metric(&of, value).series = Some(worst.series());
+        results.metric(&of, value).series = Some(worst.series("A"));
     }
     let definition = "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least 5 A.";
     let of = Definition::new(least.name, "Smallest displacement from 5 A", "m", definition).up();
@@ -147,7 +114,7 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
             metric.set_reason("no run with at least 5 A has a displacement");
         }
     }
-    metric.series = Some(least.series());
+    metric.series = Some(least.series("A"));
 }
 
 #[cfg(test)]
