@@ -24,7 +24,7 @@ pub(crate) use ride::comfort;
 use crate::components::SetupError;
 use crate::json;
 use crate::metric::{Definition, Metric, Reason, Results, Value};
-use crate::numerics::{Rows, largest_magnitude};
+use crate::numerics::{Rows, largest_magnitude, no_rows};
 use crate::options::{OptionRule, Options};
 use crate::trace::Trace;
 
@@ -85,7 +85,12 @@ impl Evaluator {
     pub fn evaluate(&self, trace: &Trace<'_>, options: &serde_json::Value) -> Result<Evaluation, SetupError> {
         let options = Options::new(self.name, self.options, options)?;
         let mut results = Results::new(self.metrics);
-        let computed = Rows::new(trace).and_then(|rows| (self.compute)(&rows, &options, &mut results));
+        let computed = Rows::new(trace).and_then(|rows| {
+            for (of, column) in self.metrics.iter().filter_map(|of| Some((of, of.peak_of?))) {
+                results.set(of.name, rows.column(column).and_then(|x| largest_magnitude(x).ok_or_else(no_rows)));
+            }
+            (self.compute)(&rows, &options, &mut results)
+        });
         let reason = computed.err().unwrap_or_else(|| "the recording contains no data for it".to_owned());
         let notes = std::mem::take(&mut results.notes);
         Ok(Evaluation { metrics: results.finish(&reason), notes })
@@ -106,15 +111,18 @@ impl Evaluation {
     }
 }
 
-/// Defines a metric that is the largest magnitude of a signal.
-const fn peak_of_run(name: &'static str, title: &'static str, unit: &'static str) -> Definition {
-    Definition::new(name, title, unit, "Largest magnitude in the run.")
+/// Defines a metric that is the largest magnitude of a column.
+const fn peak(name: &'static str, title: &'static str, unit: &'static str, column: &'static str) -> Definition {
+    Definition { peak_of: Some(column), ..Definition::new(name, title, unit, "Largest magnitude in the run.") }
 }
 
-/// The largest magnitude of a column.
-fn peak(rows: &Rows<'_>, column: &str) -> Result<f64, Reason> {
-    largest_magnitude(rows.column(column)?).ok_or_else(|| "the recording has no rows".to_owned())
-}
+const LATERAL_ACCELERATION_PEAK: Definition =
+    peak("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2", "vehicle.lateral_acceleration");
+const SIDESLIP_PEAK: Definition = peak("sideslip_peak", "Peak of the sideslip angle", "rad", "vehicle.sideslip").down();
+const ROLL_PEAK: Definition = peak("roll_peak", "Peak of the roll angle", "rad", "body.roll").down();
+const YAW_RATE_PEAK: Definition = peak("yaw_rate_peak", "Peak of the yaw rate", "rad/s", "vehicle.yaw_rate");
+const LOAD_TRANSFER_PEAK: Definition =
+    peak("load_transfer_peak", "Peak of the load transfer ratio", "1", "vehicle.load_transfer_ratio").down();
 
 #[cfg(test)]
 mod tests {

@@ -17,6 +17,8 @@ pub struct Definition {
     pub direction: Direction,
     /// Group of columns, each of which gives a separate metric: `tire_load` gives `name.fl`, `name.fr` and so on.
     pub places: Option<&'static str>,
+    /// Column whose largest magnitude is the metric.
+    pub(crate) peak_of: Option<&'static str>,
 }
 
 impl Definition {
@@ -27,7 +29,7 @@ impl Definition {
         unit: &'static str,
         definition: &'static str,
     ) -> Self {
-        Self { name, title, unit, definition, direction: Direction::None, places: None }
+        Self { name, title, unit, definition, direction: Direction::None, places: None, peak_of: None }
     }
 
     /// Lower values are better.
@@ -43,6 +45,10 @@ impl Definition {
     /// One metric for each column `places.*`.
     pub(crate) const fn each(self, places: &'static str) -> Self {
         Self { places: Some(places), ..self }
+    }
+
+    pub(crate) const fn defined(self, definition: &'static str) -> Self {
+        Self { definition, ..self }
     }
 }
 

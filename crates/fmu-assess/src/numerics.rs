@@ -9,7 +9,7 @@ mod statistics;
 pub(crate) use crossing::{at, up};
 pub(crate) use line::Line;
 pub(crate) use lowpass::lowpass;
-pub(crate) use rows::{Rows, UNEVENNESS};
+pub(crate) use rows::{Rows, UNEVENNESS, no_rows};
 pub(crate) use statistics::{
     derivative, first_largest, largest, largest_magnitude, mean, sign, smallest, standard_deviation,
 };

@@ -3,7 +3,7 @@
 use super::braking::{before_braking, end_of_span};
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
-use crate::numerics::{Rows, at, largest, mean, sign, smallest};
+use crate::numerics::{Rows, at, largest, mean, no_rows, sign, smallest};
 use crate::options::Options;
 use fmu_math::{hypot, sin_cos};
 
@@ -89,7 +89,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     };
     let initial = |column| {
         let values: &[f64] = rows.column(column)?;
-        mean(&values[begin..=first]).ok_or_else(|| "the recording has no rows".to_owned())
+        mean(&values[begin..=first]).ok_or_else(no_rows)
     };
     results.set("lateral_acceleration", initial("vehicle.lateral_acceleration"));
     let (speed, yaw_rate) = (initial("vehicle.speed")?, initial("vehicle.yaw_rate")?);

@@ -3,7 +3,7 @@
 use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
-use crate::numerics::{Rows, at, largest_magnitude};
+use crate::numerics::{Rows, at, largest_magnitude, no_rows};
 use crate::options::Options;
 use fmu_math::{hypot, sin_cos};
 
@@ -146,7 +146,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let has_stopped = stop.is_ok();
     let peak_within = |x: &[f64], span: f64| {
         let end = end_of_span(rows, first, span, has_stopped)?;
-        largest_magnitude(&x[first..end]).ok_or_else(|| "the recording has no rows".to_owned())
+        largest_magnitude(&x[first..end]).ok_or_else(no_rows)
     };
     results.set("yaw_rate_peak_1s", rows.column("vehicle.yaw_rate").and_then(|rate| peak_within(rate, 1.0)));
     results.set("steering_wheel_peak_2s", wheel.and_then(|angle| peak_within(&angle, 2.0)));

@@ -1,9 +1,11 @@
 //! Coned tracks: distances to the edges of the sections.
 
 use super::steering_wheel::{OPTIONAL_RATIO, steering_wheel};
-use super::{Column, Evaluator, peak, peak_of_run};
+use super::{
+    Column, Evaluator, LATERAL_ACCELERATION_PEAK, LOAD_TRANSFER_PEAK, ROLL_PEAK, SIDESLIP_PEAK, YAW_RATE_PEAK,
+};
 use crate::metric::{Definition, Reason, Results};
-use crate::numerics::{Rows, at, largest_magnitude, up};
+use crate::numerics::{Rows, at, largest_magnitude, no_rows, up};
 use crate::options::{Fallback, Form, Lane, OptionRule, Options};
 use fmu_math::sin_cos;
 
@@ -116,28 +118,23 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "s, 1",
             "Time of the smallest margin in any section, and the number of that section, from 1.",
         ),
-        peak_of_run("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2"),
-        peak_of_run("sideslip_peak", "Peak of the sideslip angle", "rad").down(),
-        peak_of_run("roll_peak", "Peak of the roll angle", "rad").down(),
-        peak_of_run("yaw_rate_peak", "Peak of the yaw rate", "rad/s"),
-        peak_of_run("steering_wheel_peak", "Peak of the steering wheel angle", "rad"),
-        peak_of_run("load_transfer_peak", "Peak of the load transfer ratio", "1").down(),
+        LATERAL_ACCELERATION_PEAK,
+        SIDESLIP_PEAK,
+        ROLL_PEAK,
+        YAW_RATE_PEAK,
+        Definition::new(
+            "steering_wheel_peak",
+            "Peak of the steering wheel angle",
+            "rad",
+            "Largest magnitude in the run.",
+        ),
+        LOAD_TRANSFER_PEAK,
     ],
     compute,
 };
 
 fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
-    for (name, column) in [
-        ("lateral_acceleration_peak", "vehicle.lateral_acceleration"),
-        ("sideslip_peak", "vehicle.sideslip"),
-        ("roll_peak", "body.roll"),
-        ("yaw_rate_peak", "vehicle.yaw_rate"),
-        ("load_transfer_peak", "vehicle.load_transfer_ratio"),
-    ] {
-        results.set(name, peak(rows, column));
-    }
-    let wheel = steering_wheel(rows, options)
-        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| "the recording has no rows".to_owned()));
+    let wheel = steering_wheel(rows, options).and_then(|angle| largest_magnitude(&angle).ok_or_else(no_rows));
     results.set("steering_wheel_peak", wheel);
 
     let [x, y, yaw] = ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"].map(|column| rows.column(column));

@@ -1,6 +1,6 @@
 //! Rollover: peaks, and wheel lift.
 
-use super::{Column, Evaluator, peak};
+use super::{Column, Evaluator, LATERAL_ACCELERATION_PEAK, LOAD_TRANSFER_PEAK, ROLL_PEAK, peak};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::{Rows, smallest};
 use crate::options::Options;
@@ -23,10 +23,10 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: &[
-        Definition::new("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2", "Largest magnitude."),
-        Definition::new("load_transfer_peak", "Peak of the load transfer ratio", "1", "Largest magnitude.").down(),
-        Definition::new("roll_peak", "Peak of the roll angle", "rad", "Largest magnitude.").down(),
-        Definition::new("roll_rate_peak", "Peak of the roll rate", "rad/s", "Largest magnitude."),
+        LATERAL_ACCELERATION_PEAK.defined("Largest magnitude."),
+        LOAD_TRANSFER_PEAK.defined("Largest magnitude."),
+        ROLL_PEAK.defined("Largest magnitude."),
+        peak("roll_rate_peak", "Peak of the roll rate", "rad/s", "body.roll_rate").defined("Largest magnitude."),
         Definition::new(
             "two_wheel_lift",
             "Two-wheel lift",
@@ -46,14 +46,6 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
 };
 
 fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Reason> {
-    for (name, column) in [
-        ("lateral_acceleration_peak", "vehicle.lateral_acceleration"),
-        ("load_transfer_peak", "vehicle.load_transfer_ratio"),
-        ("roll_peak", "body.roll"),
-        ("roll_rate_peak", "body.roll_rate"),
-    ] {
-        results.set(name, peak(rows, column));
-    }
     let sides = ['l', 'r'].map(|side| loads(rows, side));
     let [left, right] = sides;
     let (left, right) = (left?, right?);

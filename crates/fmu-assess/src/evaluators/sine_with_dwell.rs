@@ -3,7 +3,7 @@
 use super::steering_wheel::RATIO;
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
-use crate::numerics::{Rows, at, derivative, largest, largest_magnitude, lowpass, mean, sign, smallest, up};
+use crate::numerics::{Rows, at, derivative, largest, largest_magnitude, lowpass, mean, no_rows, sign, smallest, up};
 use crate::options::Options;
 
 /// Cutoff frequencies of steering angle and motion, Hz.
@@ -113,9 +113,8 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     results.set("direction", zeroing.direction);
     results.set(
         "sideslip_peak",
-        rows.column("vehicle.sideslip").and_then(|sideslip| {
-            largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(|| "the recording has no rows".to_owned())
-        }),
+        rows.column("vehicle.sideslip")
+            .and_then(|sideslip| largest_magnitude(&sideslip[zeroing.row..]).ok_or_else(no_rows)),
     );
     let angle = zeroing.apply(angle);
     results.set("amplitude", largest_magnitude(&angle).unwrap_or(f64::NAN));

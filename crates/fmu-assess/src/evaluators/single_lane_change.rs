@@ -1,6 +1,8 @@
 //! Single lane change: peaks, and deviation from the path.
 
-use super::{Column, Evaluator, peak, peak_of_run};
+use super::{
+    Column, Evaluator, LATERAL_ACCELERATION_PEAK, LOAD_TRANSFER_PEAK, ROLL_PEAK, SIDESLIP_PEAK, YAW_RATE_PEAK, peak,
+};
 use crate::metric::{Definition, Reason, Results};
 use crate::numerics::Rows;
 use crate::options::Options;
@@ -20,14 +22,10 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: &[
-        peak_of_run("lateral_acceleration_peak", "Peak of the lateral acceleration", "m/s2"),
-        Definition::new(
-            "deviation_peak",
-            "Largest deviation",
-            "m",
-            "Largest magnitude of the lateral deviation from the path.",
-        )
-        .down(),
+        LATERAL_ACCELERATION_PEAK,
+        peak("deviation_peak", "Largest deviation", "m", "path.lateral_deviation")
+            .defined("Largest magnitude of the lateral deviation from the path.")
+            .down(),
         Definition::new(
             "overshoot",
             "Overshoot",
@@ -35,25 +33,15 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "Largest magnitude of the lateral deviation after the end of the path, where `path.finished` is 1.",
         )
         .down(),
-        peak_of_run("sideslip_peak", "Peak of the sideslip angle", "rad").down(),
-        peak_of_run("roll_peak", "Peak of the roll angle", "rad").down(),
-        peak_of_run("load_transfer_peak", "Peak of the load transfer ratio", "1").down(),
-        peak_of_run("yaw_rate_peak", "Peak of the yaw rate", "rad/s"),
+        SIDESLIP_PEAK,
+        ROLL_PEAK,
+        LOAD_TRANSFER_PEAK,
+        YAW_RATE_PEAK,
     ],
     compute,
 };
 
 fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Reason> {
-    for (name, column) in [
-        ("lateral_acceleration_peak", "vehicle.lateral_acceleration"),
-        ("deviation_peak", "path.lateral_deviation"),
-        ("sideslip_peak", "vehicle.sideslip"),
-        ("roll_peak", "body.roll"),
-        ("load_transfer_peak", "vehicle.load_transfer_ratio"),
-        ("yaw_rate_peak", "vehicle.yaw_rate"),
-    ] {
-        results.set(name, peak(rows, column));
-    }
     results.set("overshoot", overshoot(rows));
     Ok(())
 }

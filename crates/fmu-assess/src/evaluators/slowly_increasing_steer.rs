@@ -4,7 +4,7 @@ use super::steady_state::{Cornering, WHEELBASE};
 use super::steering_wheel::RATIO;
 use super::{Column, Evaluator};
 use crate::metric::{Definition, Reason, Results};
-use crate::numerics::{GRAVITY, Line, Rows, largest, sign};
+use crate::numerics::{GRAVITY, Line, Rows, largest, no_rows, sign};
 use crate::options::Options;
 
 /// Cutoff frequencies of steering angle and motion, Hz.
@@ -93,7 +93,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     let window = window(&cornering.lateral_acceleration, GRADIENT_WINDOW);
     cornering.set_gradients(&window, options.number("geometry.wheelbase"), results);
     let largest = largest(&cornering.lateral_acceleration);
-    results.set("lateral_acceleration_max", largest.ok_or_else(|| "the recording has no rows".to_owned()));
+    results.set("lateral_acceleration_max", largest.ok_or_else(no_rows));
     Ok(())
 }
 

@@ -9,6 +9,10 @@ pub(crate) const UNEVENNESS: f64 = 0.5;
 /// Fraction of a step by which a time can exceed a limit, because times are rounded.
 const SLACK: f64 = 1e-6;
 
+pub(crate) fn no_rows() -> Reason {
+    "the recording has no rows".to_owned()
+}
+
 /// A trace whose times are finite, increasing and evenly spaced.
 pub(crate) struct Rows<'a> {
     trace: &'a Trace<'a>,
