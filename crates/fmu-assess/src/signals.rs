@@ -77,9 +77,9 @@ pub(crate) fn conversion(
     let exponents = find(needed).map_or([0; 8], |unit| unit.exponents);
     let Some(name) = given.or(variable.unit.as_deref()) else { return Ok(None) };
     let of_description = if given.is_none() { description.unit(name).and_then(|unit| unit.base) } else { None };
-    match (of_description, find(name)) {
+    match of_description.or_else(|| find(name)) {
         // Some tools omit the radian from the base unit, but keep the name.
-        (Some(BaseUnit { exponents: declared, factor, offset }), _)
+        Some(BaseUnit { exponents: declared, factor, offset })
             if declared == exponents || (is_same_without_angle(declared, exponents) && name == needed) =>
         {
             if factor.is_finite() && factor != 0.0 && offset.is_finite() {
@@ -87,11 +87,8 @@ pub(crate) fn conversion(
             }
             Err(format!("{name}, whose factor is {factor} and whose offset is {offset}"))
         }
-        (None, Some(BaseUnit { exponents: declared, factor, offset })) if declared == exponents => {
-            Ok(Conversion::new(factor, if variable.relative_quantity { 0.0 } else { offset }))
-        }
-        (None, None) if name == needed => Ok(None),
-        (None, None) => Err(format!("{name}, whose base units are not declared")),
-        _ => Err(name.to_owned()),
+        Some(_) => Err(name.to_owned()),
+        None if name == needed => Ok(None),
+        None => Err(format!("{name}, whose base units are not declared")),
     }
 }
