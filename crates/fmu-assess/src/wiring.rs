@@ -98,9 +98,7 @@ impl Wiring<'_> {
             (Some(number), _, _) => {
                 format!("{:?}", component.of_si(signal, variable, number).map_err(SetupError::new)?)
             }
-            (None, _, Some(Value::Real(start))) => format!("{start:?}"),
-            (None, _, Some(Value::Integer(start))) => start.to_string(),
-            (None, _, Some(Value::Boolean(start))) => start.to_string(),
+            (None, _, Some(start @ (Value::Real(_) | Value::Integer(_) | Value::Boolean(_)))) => start.to_string(),
             (None, _, Some(start @ Value::Unsigned(_))) => format!("{:?}", start.text()),
             (None, _, _) => "0.0".to_owned(),
         };

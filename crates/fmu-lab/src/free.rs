@@ -118,9 +118,7 @@ fn alone(fmus: &Fmus, name: &str) -> Result<Prepared, Failure> {
     };
     let inputs = scalars(Causality::Input).map(|variable| {
         let value = match &variable.start {
-            Some(Value::Real(value)) => format!("{value:?}"),
-            Some(Value::Integer(value)) => value.to_string(),
-            Some(Value::Boolean(value)) => value.to_string(),
+            Some(value @ (Value::Real(_) | Value::Integer(_) | Value::Boolean(_))) => value.to_string(),
             _ if variable.base_type == BaseType::Boolean => "false".to_owned(),
             _ => "0".to_owned(),
         };

@@ -210,10 +210,6 @@ impl Lab {
     fn describe(&self, fmu: &str) -> Result<String, Failure> {
         let description = self.fmus.descriptions.get(fmu);
         let description = description.ok_or_else(|| Failure::new(format!("there is no FMU {fmu}")))?;
-        let start = |value: &Value| match value {
-            Value::Real(value) => format!("{value:?}"),
-            other => other.text(),
-        };
         let variables: Vec<_> = description
             .variables
             .iter()
@@ -222,7 +218,7 @@ impl Lab {
                     "name": variable.name,
                     "causality": format!("{:?}", variable.causality).to_lowercase(),
                     "unit": variable.unit.as_deref().unwrap_or_default(),
-                    "start": variable.start.as_ref().map_or(String::new(), start),
+                    "start": variable.start.as_ref().map_or(String::new(), Value::text),
                     "description": variable.description.as_deref().unwrap_or_default(),
                 })
             })

@@ -137,15 +137,9 @@ fn setting(text: &str) -> Result<(String, String, String), String> {
 /// The values in a parameter set. Each has a component, a parameter, and a value with its unit.
 fn parameters(path: &Path) -> miette::Result<Vec<(String, String, String)>> {
     let set = ParameterSet::read(path).into_diagnostic()?;
-    let value = |parameter: &Parameter| {
-        let unit = parameter.unit.as_ref().map_or_else(String::new, |unit| format!(" {unit}"));
-        match &parameter.value {
-            Value::Real(value) => format!("{value:?}{unit}"),
-            Value::Integer(value) => value.to_string(),
-            Value::Boolean(value) => value.to_string(),
-            Value::String(value) => value.clone(),
-            other => other.text(),
-        }
+    let value = |parameter: &Parameter| match (&parameter.value, &parameter.unit) {
+        (Value::Real(value), Some(unit)) => format!("{value:?} {unit}"),
+        (other, _) => other.text(),
     };
     let split = |parameter: Parameter| {
         let (component, name) = parameter.name.split_once('.').ok_or_else(|| {
