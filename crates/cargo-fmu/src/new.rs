@@ -110,7 +110,9 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
     if !name.split('-').all(is_word) {
         return Err(miette!("`{name}` must be in kebab case: lower-case words with hyphens, such as heat-pump"));
     }
-    let folder = folder(path, arguments.kind, workspace.as_ref());
+    // The settings use the command line's names for the kinds.
+    let kind = arguments.kind.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
+    let folder = workspace.as_ref().map_or_else(|| path.to_owned(), |workspace| workspace.place(path, &kind));
     if folder.exists() {
         return Err(miette!("{} exists already; nothing was written", folder.display()));
     }
@@ -142,17 +144,6 @@ fn package(path: &Path, workspace: Option<Workspace>, arguments: &Arguments) -> 
         inside.display()
     );
     Ok(())
-}
-
-/// Returns the folder of the new package. For a plain name, it is in the workspace's folder for this kind of model.
-fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
-    let is_plain = path.components().count() == 1;
-    // The settings use the command line's names for the kinds.
-    let kind = kind.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
-    let parent = workspace
-        .filter(|_| is_plain)
-        .and_then(|workspace| workspace.settings.new.get(&kind).map(|folder| workspace.root.join(folder)));
-    parent.map_or_else(|| path.to_owned(), |parent| parent.join(path))
 }
 
 /// README of a new package: sections with placeholder text.

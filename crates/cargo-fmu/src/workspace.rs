@@ -141,6 +141,12 @@ impl Workspace {
         Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models, settings })
     }
 
+    /// Path of a new package or scenario. A plain name is in the folder that the workspace sets for its kind.
+    pub fn place(&self, path: &Path, kind: &str) -> PathBuf {
+        let folder = self.settings.new.get(kind).filter(|_| path.components().count() == 1);
+        folder.map_or_else(|| path.to_owned(), |folder| self.root.join(folder).join(path))
+    }
+
     /// The models with these names (of the FMU or the package), or the models of all default members.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {

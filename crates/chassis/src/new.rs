@@ -76,10 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 /// Path of the scenario. A name without a folder refers to the folder that the workspace sets for scenarios.
 fn place(path: &Path) -> PathBuf {
-    let is_plain = path.components().count() == 1;
-    let workspace = Workspace::find().ok().filter(|_| is_plain);
-    let folder = workspace.and_then(|found| found.settings.new.get("scenario").map(|folder| found.root.join(folder)));
-    folder.map_or_else(|| path.to_owned(), |folder| folder.join(path))
+    Workspace::find().map_or_else(|_| path.to_owned(), |workspace| workspace.place(path, "scenario"))
 }
 
 /// Path of the JSON Schema for editors, relative to a scenario. For a scenario in the repository in which this program
@@ -233,12 +230,9 @@ fn constants(inputs: &[&Variable], others: &[&Variable]) -> Vec<String> {
 
 fn constant(input: &Variable) -> String {
     match &input.start {
-        Some(Value::Real(value)) => format!("{value:?}"),
-        Some(Value::Integer(value)) => value.to_string(),
-        Some(Value::Boolean(value)) => value.to_string(),
-        Some(Value::String(value)) => format!("{value:?}"),
         Some(value @ Value::Unsigned(_)) => format!("{:?}", value.text()),
         Some(Value::Binary { hex }) => format!("{:?}", BinaryText::Base64.encode(hex)),
+        Some(value) => value.to_string(),
         None if input.base_type == BaseType::Boolean => "false".to_owned(),
         None => "0.0".to_owned(),
     }
