@@ -1,7 +1,7 @@
 //! `cargo fmu linearize`: A, B, C, D of a plant at an operating point, and its modes.
 
 mod files;
-mod model;
+pub(crate) mod model;
 mod page;
 mod page_data;
 mod picture;

@@ -12,12 +12,10 @@ use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
 
 use crate::inspect::locate;
+use crate::linearize::model::zero;
 use crate::operating_point::{groups, parse};
 use crate::outln;
 use crate::worker;
-
-/// Because of rounding errors, poles smaller than this fraction of the largest pole count as 0.
-const AT_ZERO: f64 = 1e-8;
 
 /// Arguments of `cargo fmu trim`.
 #[derive(clap::Args, Debug)]
@@ -73,8 +71,7 @@ fn growth(steady: &SteadyState) -> Option<f64> {
     let n = steady.states.iter().filter(|state| state.role != StateRole::Drifts).count();
     let poles = eigenvalues(&DMatrix::from_column_slice(n, n, &steady.jacobian))?;
     let largest = poles.first()?.re;
-    let size = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
-    Some(if largest.abs() <= AT_ZERO * size { 0.0 } else { largest })
+    Some(if largest.abs() <= zero(&poles) { 0.0 } else { largest })
 }
 
 /// Describes the stability against small deviations.

@@ -90,14 +90,9 @@ impl LinearModel {
         })
     }
 
-    /// Magnitude below which a pole counts as 0, 1/s.
-    fn zero(&self) -> f64 {
-        AT_ZERO * self.poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
-    }
-
     /// The modes, in order of decreasing real part.
     pub(crate) fn modes(&self) -> Vec<Mode> {
-        let zero = self.zero();
+        let zero = zero(&self.poles);
         let of_pair = self.poles.iter().filter(|pole| pole.im >= 0.0);
         of_pair
             .map(|pole| {
@@ -117,7 +112,7 @@ impl LinearModel {
     }
 
     pub(crate) fn stability(&self) -> String {
-        let zero = self.zero();
+        let zero = zero(&self.poles);
         let unstable = self.poles.iter().filter(|pole| pole.re > zero).count();
         let integrators = self.poles.iter().filter(|pole| pole.norm() <= zero).count();
         let undamped = self.poles.iter().filter(|pole| pole.re.abs() <= zero && pole.norm() > zero).count();
@@ -139,7 +134,7 @@ impl LinearModel {
 
     /// Frequencies for responses, Hz, from one decade below the slowest mode to one decade above the fastest mode.
     pub(crate) fn frequencies(&self) -> Vec<f64> {
-        let zero = self.zero();
+        let zero = zero(&self.poles);
         let sizes = || self.poles.iter().map(|pole| pole.norm()).filter(|size| *size > zero);
         let (low, high) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
         let (low, high) = if high > 0.0 { (0.1 * low / TAU, 10.0 * high / TAU) } else { (0.01, 100.0) };
@@ -175,10 +170,15 @@ impl LinearModel {
     }
 }
 
+/// Magnitude below which a pole counts as 0, 1/s.
+pub(crate) fn zero(poles: &[Complex<f64>]) -> f64 {
+    AT_ZERO * poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
+}
+
 /// A signal with its unit; an element of an array has the array's unit.
 fn signal(description: &ModelDescription, name: String) -> Signal {
-    let of = |name: &str| description.variables.iter().find(|variable| variable.name == name);
-    let variable = of(&name).or_else(|| of(name.split('[').next().unwrap_or_default()));
+    let whole = || description.variable(name.split('[').next()?);
+    let variable = description.variable(&name).or_else(whole);
     let unit = variable.and_then(|variable| variable.unit.clone()).filter(|unit| unit != "1");
     Signal { name, unit }
 }
