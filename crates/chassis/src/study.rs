@@ -9,7 +9,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, miette};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -52,7 +51,7 @@ pub(crate) struct Arguments {
     dask: Option<String>,
 
     /// Run only the I-th of N parts of the samples
-    #[arg(long, value_name = "I/N", conflicts_with = "merge")]
+    #[arg(long, value_name = "I/N", conflicts_with = "merge", value_parser = shard)]
     shard: Option<Shard>,
 
     /// Make tables and page from the results of all parts
@@ -149,16 +148,11 @@ struct Shard {
     of: u32,
 }
 
-impl FromStr for Shard {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
-        let shard = parts.map(|(number, of)| Self { number, of });
-        shard
-            .filter(|shard| (1..=shard.of).contains(&shard.number))
-            .ok_or("must be I/N with I from 1 to N, such as 3/20")
-    }
+fn shard(text: &str) -> Result<Shard, &'static str> {
+    let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    let shard = parts.map(|(number, of)| Shard { number, of });
+    let shard = shard.filter(|shard| (1..=shard.of).contains(&shard.number));
+    shard.ok_or("must be I/N with I from 1 to N, such as 3/20")
 }
 
 struct Bars {
