@@ -68,6 +68,9 @@ impl NotApplicable {
 }
 
 pub(crate) const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
+pub(crate) const TURN: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"];
+pub(crate) const RIDE: &[&str] =
+    &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
 
 /// All maneuvers except the slowly increasing steer, which runs before them.
 pub(crate) const MANEUVERS: [Maneuver; 12] = [
@@ -97,17 +100,11 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
         braking::split_friction,
     ),
-    Maneuver::new(
-        "brake_in_turn",
-        Suite::Braking,
-        &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
-        needs_pedals,
-        braking::in_a_turn,
-    ),
+    Maneuver::new("brake_in_turn", Suite::Braking, TURN, needs_pedals, braking::in_a_turn),
     Maneuver::new(
         "ride",
         Suite::Ride,
-        &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
+        RIDE,
         |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
         ride::run,
     ),

@@ -8,7 +8,8 @@ use crate::components::SetupError;
 use crate::evaluators::cones::Part;
 use crate::evaluators::{self, Evaluation};
 use crate::maneuvers::{
-    POSITION, braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
+    POSITION, RIDE, TURN, braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state,
+    step_steer,
 };
 use crate::run_spec::RunSpec;
 use crate::subject::Subject;
@@ -213,7 +214,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
     Maneuver {
         id: "brake_in_turn",
         title: "Braking in a turn, ISO 7975",
-        outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
+        outputs: TURN,
         needs_pedals: true,
         evaluator: "brake_in_turn",
         make: |_, _| alone(braking::turn_spec()),
@@ -224,7 +225,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Ride, ISO 8608 and ISO 2631-1",
         values: &[speed(60.0)],
         driving: Driving::Ride,
-        outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
+        outputs: RIDE,
         evaluator: "ride",
         make: |bench, chosen| {
             let spec = ride::spec(bench, "road", f64::from(chosen.class), f64::from(chosen.seed));
