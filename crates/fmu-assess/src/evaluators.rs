@@ -113,7 +113,7 @@ impl Evaluation {
 
 /// Defines a metric that is the largest magnitude of a column.
 const fn peak(name: &'static str, title: &'static str, unit: &'static str, column: &'static str) -> Definition {
-    Definition { peak_of: Some(column), ..Definition::new(name, title, unit, "Largest magnitude in the run.") }
+    Definition { peak_of: Some(column), ..Definition::neutral(name, title, unit).is("Largest magnitude in the run.") }
 }
 
 const LATERAL_ACCELERATION_PEAK: Definition =

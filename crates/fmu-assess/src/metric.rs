@@ -32,14 +32,24 @@ impl Definition {
         Self { name, title, unit, definition, direction: Direction::None, places: None, peak_of: None }
     }
 
+    /// A metric without a preferred direction, whose definition follows.
+    pub(crate) const fn neutral(name: &'static str, title: &'static str, unit: &'static str) -> Self {
+        Self::new(name, title, unit, "")
+    }
+
+    /// A metric of which lower values are better.
+    pub(crate) const fn lower(name: &'static str, title: &'static str, unit: &'static str) -> Self {
+        Self::neutral(name, title, unit).down()
+    }
+
+    /// A metric of which higher values are better.
+    pub(crate) const fn higher(name: &'static str, title: &'static str, unit: &'static str) -> Self {
+        Self { direction: Direction::Up, ..Self::neutral(name, title, unit) }
+    }
+
     /// Lower values are better.
     pub(crate) const fn down(self) -> Self {
         Self { direction: Direction::Down, ..self }
-    }
-
-    /// Higher values are better.
-    pub(crate) const fn up(self) -> Self {
-        Self { direction: Direction::Up, ..self }
     }
 
     /// One metric for each column `places.*`.
@@ -47,7 +57,7 @@ impl Definition {
         Self { places: Some(places), ..self }
     }
 
-    pub(crate) const fn defined(self, definition: &'static str) -> Self {
+    pub(crate) const fn is(self, definition: &'static str) -> Self {
         Self { definition, ..self }
     }
 }

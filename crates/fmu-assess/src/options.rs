@@ -24,6 +24,17 @@ pub struct OptionRule {
     pub meaning: &'static str,
 }
 
+impl OptionRule {
+    /// An option whose meaning follows.
+    pub(crate) const fn new(name: &'static str, unit: &'static str, form: Form, default: Fallback) -> Self {
+        Self { name, unit, form, default, meaning: "" }
+    }
+
+    pub(crate) const fn is(self, meaning: &'static str) -> Self {
+        Self { meaning, ..self }
+    }
+}
+
 /// Allowed values of an option.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {

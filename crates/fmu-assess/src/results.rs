@@ -56,7 +56,7 @@ impl Results {
 
     /// Skips the maneuver. A metric with the name of the maneuver reports the reason.
     pub(crate) fn skip(&mut self, missing: Vec<String>, reason: String) {
-        let of = Definition::new("", "The maneuver", "", "A skipped maneuver has no metrics.");
+        let of = Definition::neutral("", "The maneuver", "").is("A skipped maneuver has no metrics.");
         self.maneuver.clone_into(&mut self.metric(&of, Value::Null).set_dropped(&reason).id);
         self.skipped = Some(Skipped { run: self.maneuver.to_owned(), missing, reason });
     }

@@ -33,51 +33,24 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: &[
-        Definition::new(
-            "initial_speed",
-            "Initial speed",
-            "m/s",
-            "Mean over the 0.5 s that end in the last row before `driver.brake` rises above 0. The other initial values are means over the same rows.",
-        ),
-        Definition::new("radius", "Radius", "m", "Initial speed divided by the magnitude of the initial yaw rate."),
-        Definition::new(
-            "lateral_acceleration",
-            "Initial lateral acceleration",
-            "m/s2",
-            "Mean over the same rows, positive to the left.",
-        ),
-        Definition::new(
-            "deceleration_1s",
-            "Deceleration in 1 s",
-            "m/s2",
-            "Initial speed minus the speed after 1 s, divided by 1 s.",
-        ),
-        Definition::new(
-            "yaw_rate_ratio_1s",
-            "Yaw rate ratio after 1 s",
-            "1",
-            "Yaw rate 1 s after braking begins, divided by the yaw rate on the initial circle at the speed of that time.",
-        ),
-        Definition::new(
-            "yaw_rate_ratio_max",
-            "Largest yaw rate ratio",
-            "1",
-            "Largest value in the first 2 s, while the speed is above 20 % of the initial speed.",
-        ),
-        Definition::new("yaw_rate_ratio_min", "Smallest yaw rate ratio", "1", "Smallest value in the same rows."),
-        Definition::new(
-            "sideslip_change",
-            "Largest change of the sideslip angle",
-            "rad",
-            "Largest magnitude of the difference from the initial sideslip angle, in the same rows.",
-        )
-        .down(),
-        Definition::new(
-            "radius_deviation_1s",
-            "Offset from the circle after 1 s",
-            "m",
-            "Distance from the center of the initial circle minus its radius, 1 s after braking begins; positive outward.",
-        ),
+        Definition::neutral("initial_speed", "Initial speed", "m/s")
+            .is("Mean over the 0.5 s that end in the last row before `driver.brake` rises above 0. The other initial values are means over the same rows."),
+        Definition::neutral("radius", "Radius", "m")
+            .is("Initial speed divided by the magnitude of the initial yaw rate."),
+        Definition::neutral("lateral_acceleration", "Initial lateral acceleration", "m/s2")
+            .is("Mean over the same rows, positive to the left."),
+        Definition::neutral("deceleration_1s", "Deceleration in 1 s", "m/s2")
+            .is("Initial speed minus the speed after 1 s, divided by 1 s."),
+        Definition::neutral("yaw_rate_ratio_1s", "Yaw rate ratio after 1 s", "1")
+            .is("Yaw rate 1 s after braking begins, divided by the yaw rate on the initial circle at the speed of that time."),
+        Definition::neutral("yaw_rate_ratio_max", "Largest yaw rate ratio", "1")
+            .is("Largest value in the first 2 s, while the speed is above 20 % of the initial speed."),
+        Definition::neutral("yaw_rate_ratio_min", "Smallest yaw rate ratio", "1")
+            .is("Smallest value in the same rows."),
+        Definition::lower("sideslip_change", "Largest change of the sideslip angle", "rad")
+            .is("Largest magnitude of the difference from the initial sideslip angle, in the same rows."),
+        Definition::neutral("radius_deviation_1s", "Offset from the circle after 1 s", "m")
+            .is("Distance from the center of the initial circle minus its radius, 1 s after braking begins; positive outward."),
     ],
     compute,
 };

@@ -42,33 +42,25 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[OPTIONAL_RATIO],
     metrics: &[
-        Definition::new(
-            "initial_speed",
-            "Initial speed",
-            "m/s",
-            "Speed over ground in the last row before `driver.brake` rises above 0. The speed over ground is the distance from the previous \
+        Definition::neutral("initial_speed", "Initial speed", "m/s")
+            .is("Speed over ground in the last row before `driver.brake` rises above 0. The speed over ground is the distance from the previous \
              position, times the sampling rate. If `vehicle.speed` is recorded and differs from it by more than 2 % up to this row (position noise \
-             increases distances), all metrics use `vehicle.speed` and its integral instead.",
-        ),
-        Definition::new(
-            "mfdd",
-            "Mean fully developed deceleration",
-            "m/s2",
-            "((0.8 v)^2 - (0.1 v)^2) divided by twice the distance traveled between the speeds 0.8 v and 0.1 v; v is the initial speed.",
-        ),
-        Definition::new("distance", "Braking distance", "m", "Distance from the row of the initial speed until the speed falls to 0.2 m/s.").down(),
-        Definition::new("time", "Braking time", "s", "Time for the same distance."),
-        Definition::new(
-            "lateral_peak",
-            "Largest lateral offset",
-            "m",
-            "Largest distance, until the stop, from the line through the initial position in the direction of the initial yaw angle.",
-        )
-        .down(),
-        Definition::new("yaw_peak", "Largest change of the yaw angle", "rad", "Largest magnitude until the stop."),
-        Definition::new("yaw_rate_peak_1s", "Largest yaw rate", "rad/s", "Largest magnitude in the first second."),
-        Definition::new("steering_wheel_peak", "Largest steering wheel angle", "rad", "Largest magnitude until the stop."),
-        Definition::new("steering_wheel_peak_2s", "Largest steering wheel angle in 2 s", "rad", "Largest magnitude in the first two seconds."),
+             increases distances), all metrics use `vehicle.speed` and its integral instead."),
+        Definition::neutral("mfdd", "Mean fully developed deceleration", "m/s2")
+            .is("((0.8 v)^2 - (0.1 v)^2) divided by twice the distance traveled between the speeds 0.8 v and 0.1 v; v is the initial speed."),
+        Definition::lower("distance", "Braking distance", "m")
+            .is("Distance from the row of the initial speed until the speed falls to 0.2 m/s."),
+        Definition::neutral("time", "Braking time", "s").is("Time for the same distance."),
+        Definition::lower("lateral_peak", "Largest lateral offset", "m")
+            .is("Largest distance, until the stop, from the line through the initial position in the direction of the initial yaw angle."),
+        Definition::neutral("yaw_peak", "Largest change of the yaw angle", "rad")
+            .is("Largest magnitude until the stop."),
+        Definition::neutral("yaw_rate_peak_1s", "Largest yaw rate", "rad/s")
+            .is("Largest magnitude in the first second."),
+        Definition::neutral("steering_wheel_peak", "Largest steering wheel angle", "rad")
+            .is("Largest magnitude until the stop."),
+        Definition::neutral("steering_wheel_peak_2s", "Largest steering wheel angle in 2 s", "rad")
+            .is("Largest magnitude in the first two seconds."),
     ],
     compute,
 };

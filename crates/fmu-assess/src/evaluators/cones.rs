@@ -27,107 +27,43 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("vehicle.load_transfer_ratio", "1"),
     ],
     options: &[
-        OptionRule {
-            name: "vehicle.width",
-            unit: "m",
-            form: Form::Positive,
-            default: Fallback::Required,
-            meaning: "width of the vehicle's footprint, which also sets the widths of the sections",
-        },
-        OptionRule {
-            name: "footprint.front",
-            unit: "m",
-            form: Form::NotNegative,
-            default: Fallback::Required,
-            meaning: "distance from the reference point to the front end of the vehicle",
-        },
-        OptionRule {
-            name: "footprint.rear",
-            unit: "m",
-            form: Form::NotNegative,
-            default: Fallback::Required,
-            meaning: "distance from the reference point to the rear end",
-        },
-        OptionRule {
-            name: "maneuver",
-            unit: "1",
-            form: Form::Integer(&[2, 3]),
-            default: Fallback::Number(2.0),
-            meaning: "track: 2 is ISO 3888-1, 3 is ISO 3888-2",
-        },
-        OptionRule {
-            name: "path.start",
-            unit: "m",
-            form: Form::Number,
-            default: Fallback::Number(50.0),
-            meaning: "x of the first cones",
-        },
-        OptionRule {
-            name: "path.mirror",
-            unit: "1",
-            form: Form::Integer(&[0, 1]),
-            default: Fallback::Number(0.0),
-            meaning: "1 mirrors the track: the first lane change is to the right",
-        },
-        OptionRule {
-            name: "lanes",
-            unit: "m",
-            form: Form::Lanes,
-            default: Fallback::Absent,
-            meaning: "another track, as a list of sections [x begin, x end, right edge, left edge]; `maneuver`, `path.start` and `path.mirror` then have no effect",
-        },
+        OptionRule::new("vehicle.width", "m", Form::Positive, Fallback::Required)
+            .is("width of the vehicle's footprint, which also sets the widths of the sections"),
+        OptionRule::new("footprint.front", "m", Form::NotNegative, Fallback::Required)
+            .is("distance from the reference point to the front end of the vehicle"),
+        OptionRule::new("footprint.rear", "m", Form::NotNegative, Fallback::Required)
+            .is("distance from the reference point to the rear end"),
+        OptionRule::new("maneuver", "1", Form::Integer(&[2, 3]), Fallback::Number(2.0))
+            .is("track: 2 is ISO 3888-1, 3 is ISO 3888-2"),
+        OptionRule::new("path.start", "m", Form::Number, Fallback::Number(50.0))
+            .is("x of the first cones"),
+        OptionRule::new("path.mirror", "1", Form::Integer(&[0, 1]), Fallback::Number(0.0))
+            .is("1 mirrors the track: the first lane change is to the right"),
+        OptionRule::new("lanes", "m", Form::Lanes, Fallback::Absent)
+            .is("another track, as a list of sections [x begin, x end, right edge, left edge]; `maneuver`, `path.start` and `path.mirror` then have no effect"),
         OPTIONAL_RATIO,
     ],
     metrics: &[
-        Definition::new(
-            "margins",
-            "Margins",
-            "m",
-            "For each section, the smallest distance, over all rows, between the part of the footprint inside the section and the edges; negative \
-             beyond an edge. Null if the footprint is never inside.",
-        ),
-        Definition::new(
-            "entry_speed",
-            "Entry speed",
-            "m/s",
-            "Speed when the reference point passes the start of the first section.",
-        )
-        .up(),
-        Definition::new(
-            "exit_speed",
-            "Exit speed",
-            "m/s",
-            "Speed when the reference point passes the end of the last section.",
-        ),
-        Definition::new("time", "Time", "s", "Time between entry and exit."),
-        Definition::new(
-            "passed",
-            "Passed",
-            "1",
-            "True if no margin is negative and the reference point passes the end of the last section.",
-        ),
-        Definition::new(
-            "first_hit",
-            "First hit",
-            "s, 1",
-            "Time of the first negative margin, and the number of its section, from 1. Null if there is none.",
-        ),
-        Definition::new(
-            "tightest",
-            "Tightest place",
-            "s, 1",
-            "Time of the smallest margin in any section, and the number of that section, from 1.",
-        ),
+        Definition::neutral("margins", "Margins", "m")
+            .is("For each section, the smallest distance, over all rows, between the part of the footprint inside the section and the edges; negative \
+             beyond an edge. Null if the footprint is never inside."),
+        Definition::higher("entry_speed", "Entry speed", "m/s")
+            .is("Speed when the reference point passes the start of the first section."),
+        Definition::neutral("exit_speed", "Exit speed", "m/s")
+            .is("Speed when the reference point passes the end of the last section."),
+        Definition::neutral("time", "Time", "s").is("Time between entry and exit."),
+        Definition::neutral("passed", "Passed", "1")
+            .is("True if no margin is negative and the reference point passes the end of the last section."),
+        Definition::neutral("first_hit", "First hit", "s, 1")
+            .is("Time of the first negative margin, and the number of its section, from 1. Null if there is none."),
+        Definition::neutral("tightest", "Tightest place", "s, 1")
+            .is("Time of the smallest margin in any section, and the number of that section, from 1."),
         LATERAL_ACCELERATION_PEAK,
         SIDESLIP_PEAK,
         ROLL_PEAK,
         YAW_RATE_PEAK,
-        Definition::new(
-            "steering_wheel_peak",
-            "Peak of the steering wheel angle",
-            "rad",
-            "Largest magnitude in the run.",
-        ),
+        Definition::neutral("steering_wheel_peak", "Peak of the steering wheel angle", "rad")
+            .is("Largest magnitude in the run."),
         LOAD_TRANSFER_PEAK,
     ],
     compute,

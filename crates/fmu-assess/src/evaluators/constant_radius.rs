@@ -30,59 +30,24 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[
         WHEELBASE,
-        OptionRule {
-            name: "begin",
-            unit: "m",
-            form: Form::NotNegative,
-            default: Fallback::Number(60.0),
-            meaning: "`path.distance` at which the evaluation begins",
-        },
-        OptionRule {
-            name: "vehicle.class",
-            unit: "1",
-            form: Form::Word(&["car", "truck"]),
-            default: Fallback::Word("car"),
-            meaning: "largest lateral acceleration for the gradients: 3 m/s2 (car) or 1.8 m/s2 (truck)",
-        },
+        OptionRule::new("begin", "m", Form::NotNegative, Fallback::Number(60.0))
+            .is("`path.distance` at which the evaluation begins"),
+        OptionRule::new("vehicle.class", "1", Form::Word(&["car", "truck"]), Fallback::Word("car"))
+            .is("largest lateral acceleration for the gradients: 3 m/s2 (car) or 1.8 m/s2 (truck)"),
     ],
     metrics: &[
-        Definition::new(
-            "lateral_acceleration_max",
-            "Largest lateral acceleration",
-            "m/s2",
-            "Largest lateral acceleration in the direction of the turn. Steering angle, yaw rate and lateral acceleration are filtered at 2 Hz over the evaluated rows.",
-        ),
-        Definition::new(
-            "deviation_max",
-            "Largest deviation",
-            "m",
-            "Largest magnitude of the lateral deviation from the path.",
-        )
-        .down(),
-        Definition::new(
-            "understeer_gradient",
-            "Understeer gradient",
-            "rad/(m/s2)",
-            "Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 m/s2 (truck: 1.8).",
-        ),
-        Definition::new(
-            "sideslip_gradient",
-            "Sideslip gradient",
-            "rad/(m/s2)",
-            "Slope of the sideslip angle over the same lateral accelerations.",
-        ),
-        Definition::new(
-            "roll_gradient",
-            "Roll gradient",
-            "rad/(m/s2)",
-            "Slope of the roll angle over the same lateral accelerations.",
-        ),
-        Definition::new(
-            "load_transfer_gradient",
-            "Load transfer gradient",
-            "1/(m/s2)",
-            "Slope of the load transfer ratio over the same lateral accelerations.",
-        ),
+        Definition::neutral("lateral_acceleration_max", "Largest lateral acceleration", "m/s2")
+            .is("Largest lateral acceleration in the direction of the turn. Steering angle, yaw rate and lateral acceleration are filtered at 2 Hz over the evaluated rows."),
+        Definition::lower("deviation_max", "Largest deviation", "m")
+            .is("Largest magnitude of the lateral deviation from the path."),
+        Definition::neutral("understeer_gradient", "Understeer gradient", "rad/(m/s2)")
+            .is("Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 m/s2 (truck: 1.8)."),
+        Definition::neutral("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)")
+            .is("Slope of the sideslip angle over the same lateral accelerations."),
+        Definition::neutral("roll_gradient", "Roll gradient", "rad/(m/s2)")
+            .is("Slope of the roll angle over the same lateral accelerations."),
+        Definition::neutral("load_transfer_gradient", "Load transfer gradient", "1/(m/s2)")
+            .is("Slope of the load transfer ratio over the same lateral accelerations."),
     ],
     compute,
 };

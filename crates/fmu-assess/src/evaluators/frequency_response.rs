@@ -30,29 +30,23 @@ macro_rules! metrics {
         &[
             $first,
             $(
-                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $unit, "Magnitude of the response at each frequency, per road-wheel angle."),
-                Definition::new(
-                    concat!($group, ".phase"),
-                    concat!($title, ", phase"),
-                    "rad",
-                    "Phase of the response at each frequency, unwrapped.",
-                ),
-                Definition::new(concat!($group, ".reference_gain"), concat!($title, ", reference gain"), $unit, "Gain at 0.2 Hz."),
-                Definition::new(
-                    concat!($group, ".bandwidth"),
-                    concat!($title, ", bandwidth"),
-                    "Hz",
-                    "First frequency above 0.2 Hz at which the gain falls below the reference gain divided by sqrt(2), interpolated linearly over the logarithm of the frequency.",
-                ),
-                Definition::new(
-                    concat!($group, ".phase_45_frequency"),
-                    concat!($title, ", frequency of -45 deg"),
-                    "Hz",
-                    "First frequency above 0.2 Hz at which the phase falls below -45 deg, interpolated in the same way.",
-                ),
-                Definition::new(concat!($group, ".peak_ratio"), concat!($title, ", peak ratio"), "1", "Largest gain divided by the reference gain."),
-                Definition::new(concat!($group, ".peak_frequency"), concat!($title, ", peak frequency"), "Hz", "Frequency of the largest gain."),
-                Definition::new(concat!($group, ".delay_1hz"), concat!($title, ", delay at 1 Hz"), "s", "Phase lag at 1 Hz, divided by the angular frequency."),
+                Definition::neutral(concat!($group, ".gain"), concat!($title, ", gain"), $unit)
+                    .is("Magnitude of the response at each frequency, per road-wheel angle."),
+                Definition::neutral(concat!($group, ".phase"), concat!($title, ", phase"), "rad")
+                    .is("Phase of the response at each frequency, unwrapped."),
+                Definition::neutral(concat!($group, ".reference_gain"), concat!($title, ", reference gain"), $unit)
+                    .is("Gain at 0.2 Hz."),
+                Definition::neutral(concat!($group, ".bandwidth"), concat!($title, ", bandwidth"), "Hz")
+                    .is("First frequency above 0.2 Hz at which the gain falls below the reference gain divided by sqrt(2), interpolated linearly over the logarithm of the frequency."),
+                Definition::neutral(concat!($group, ".phase_45_frequency"), concat!($title, ", frequency of -45 deg"), "Hz")
+                    .is("First frequency above 0.2 Hz at which the phase falls below -45 deg, interpolated in the \
+                         same way."),
+                Definition::neutral(concat!($group, ".peak_ratio"), concat!($title, ", peak ratio"), "1")
+                    .is("Largest gain divided by the reference gain."),
+                Definition::neutral(concat!($group, ".peak_frequency"), concat!($title, ", peak frequency"), "Hz")
+                    .is("Frequency of the largest gain."),
+                Definition::neutral(concat!($group, ".delay_1hz"), concat!($title, ", delay at 1 Hz"), "s")
+                    .is("Phase lag at 1 Hz, divided by the angular frequency."),
             )*
         ]
     };
@@ -69,12 +63,8 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: metrics!(
-        Definition::new(
-            "frequency",
-            "Frequencies",
-            "Hz",
-            "Frequencies of the multisine. The last 20 s of the recording are transformed. Each row contains the steering angle that was held during the preceding step; the response is corrected for this hold."
-        ),
+        Definition::neutral("frequency", "Frequencies", "Hz")
+            .is("Frequencies of the multisine. The last 20 s of the recording are transformed. Each row contains the steering angle that was held during the preceding step; the response is corrected for this hold."),
         ["yaw_rate" "Yaw rate" "1/s" "lateral_acceleration" "Lateral acceleration" "m/(s2.rad)"]
     ),
     compute,

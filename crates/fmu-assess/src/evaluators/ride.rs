@@ -39,37 +39,37 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Column::optional("suspension_deflection.*", "m"),
         Column::optional("tire_load.*", "N"),
     ],
-    options: &[OptionRule {
-        name: "begin",
-        unit: "s",
-        form: Form::NotNegative,
-        default: Fallback::Number(2.0),
-        meaning: "time at which the evaluation begins",
-    }],
+    options: &[OptionRule::new("begin", "s", Form::NotNegative, Fallback::Number(2.0))
+        .is("time at which the evaluation begins")],
     metrics: &[
-        Definition::new("heave_rms", "Heave acceleration", "m/s2", "Standard deviation of the heave acceleration."),
-        Definition::new(
-            "heave_weighted",
-            "Heave acceleration, weighted",
-            "m/s2",
-            "Root mean square of the heave acceleration without its mean, weighted by W_k in the frequency domain.",
-        )
-        .down(),
-        Definition::new("roll_rms", "Roll acceleration", "rad/s2", "Standard deviation of the roll acceleration."),
-        Definition::new("roll_weighted", "Roll acceleration, weighted", "m/s2", "As `heave_weighted`, but weighted by W_e and multiplied by 0.63 m/rad.").down(),
-        Definition::new("pitch_rms", "Pitch acceleration", "rad/s2", "Standard deviation of the pitch acceleration."),
-        Definition::new("pitch_weighted", "Pitch acceleration, weighted", "m/s2", "As `heave_weighted`, but weighted by W_e and multiplied by 0.4 m/rad.").down(),
-        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of squares of the three weighted values. Comfort class of \
+        Definition::neutral("heave_rms", "Heave acceleration", "m/s2")
+            .is("Standard deviation of the heave acceleration."),
+        Definition::lower("heave_weighted", "Heave acceleration, weighted", "m/s2")
+            .is("Root mean square of the heave acceleration without its mean, weighted by W_k in the frequency \
+                 domain."),
+        Definition::neutral("roll_rms", "Roll acceleration", "rad/s2")
+            .is("Standard deviation of the roll acceleration."),
+        Definition::lower("roll_weighted", "Roll acceleration, weighted", "m/s2")
+            .is("As `heave_weighted`, but weighted by W_e and multiplied by 0.63 m/rad."),
+        Definition::neutral("pitch_rms", "Pitch acceleration", "rad/s2")
+            .is("Standard deviation of the pitch acceleration."),
+        Definition::lower("pitch_weighted", "Pitch acceleration, weighted", "m/s2")
+            .is("As `heave_weighted`, but weighted by W_e and multiplied by 0.4 m/rad."),
+        Definition::lower("vibration_total", "Vibration total", "m/s2")
+            .is("Root of the sum of squares of the three weighted values. Comfort class of \
              ISO 2631-1: not uncomfortable below 0.315 m/s2, a little uncomfortable below 0.5, fairly uncomfortable below 0.8, uncomfortable below \
-             1.25, very uncomfortable below 2, otherwise extremely uncomfortable.").down(),
-        Definition::new("suspension_travel_rms", "Suspension travel", "m", "Standard deviation of the deflection of each strut.").each("suspension_deflection"),
-        Definition::new("suspension_travel_range", "Range of the suspension travel", "m", "Largest minus smallest deflection of each strut.")
-            .each("suspension_deflection"),
-        Definition::new("dynamic_load_coefficient", "Dynamic load coefficient", "1", "Standard deviation of the load of each tire, divided by its mean.")
-            .each("tire_load")
-            .down(),
-        Definition::new("load_minimum_share", "Smallest load", "1", "Smallest load of each tire, divided by its mean.").each("tire_load"),
-        Definition::new("lift_share", "Time without load", "1", "Share of the rows in which a tire has no load.").each("tire_load"),
+             1.25, very uncomfortable below 2, otherwise extremely uncomfortable."),
+        Definition::neutral("suspension_travel_rms", "Suspension travel", "m").each("suspension_deflection")
+            .is("Standard deviation of the deflection of each strut."),
+        Definition::neutral("suspension_travel_range", "Range of the suspension travel", "m")
+            .each("suspension_deflection")
+            .is("Largest minus smallest deflection of each strut."),
+        Definition::lower("dynamic_load_coefficient", "Dynamic load coefficient", "1").each("tire_load")
+            .is("Standard deviation of the load of each tire, divided by its mean."),
+        Definition::neutral("load_minimum_share", "Smallest load", "1").each("tire_load")
+            .is("Smallest load of each tire, divided by its mean."),
+        Definition::neutral("lift_share", "Time without load", "1").each("tire_load")
+            .is("Share of the rows in which a tire has no load."),
     ],
     compute,
 };

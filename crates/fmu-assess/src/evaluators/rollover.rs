@@ -23,24 +23,17 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: &[
-        LATERAL_ACCELERATION_PEAK.defined("Largest magnitude."),
-        LOAD_TRANSFER_PEAK.defined("Largest magnitude."),
-        ROLL_PEAK.defined("Largest magnitude."),
-        peak("roll_rate_peak", "Peak of the roll rate", "rad/s", "body.roll_rate").defined("Largest magnitude."),
-        Definition::new(
-            "two_wheel_lift",
-            "Two-wheel lift",
-            "1",
-            "True if all tire loads on one side are at most 1 N for 0.02 s, in consecutive rows (at least one).",
-        ),
-        Definition::new("two_wheel_lift_time", "Time of the lift", "s", "Time of the row that completes the 0.02 s."),
-        Definition::new(
-            "two_wheel_lift_duration",
-            "Duration of the lift",
-            "s",
-            "Longest time that a side is off the road, even if it is too short for a lift.",
-        ),
-        Definition::new("load_minimum", "Smallest tire load", "N", "Smallest load of any tire in any row."),
+        LATERAL_ACCELERATION_PEAK.is("Largest magnitude."),
+        LOAD_TRANSFER_PEAK.is("Largest magnitude."),
+        ROLL_PEAK.is("Largest magnitude."),
+        peak("roll_rate_peak", "Peak of the roll rate", "rad/s", "body.roll_rate").is("Largest magnitude."),
+        Definition::neutral("two_wheel_lift", "Two-wheel lift", "1")
+            .is("True if all tire loads on one side are at most 1 N for 0.02 s, in consecutive rows (at least one)."),
+        Definition::neutral("two_wheel_lift_time", "Time of the lift", "s")
+            .is("Time of the row that completes the 0.02 s."),
+        Definition::neutral("two_wheel_lift_duration", "Duration of the lift", "s")
+            .is("Longest time that a side is off the road, even if it is too short for a lift."),
+        Definition::neutral("load_minimum", "Smallest tire load", "N").is("Smallest load of any tire in any row."),
     ],
     compute,
 };

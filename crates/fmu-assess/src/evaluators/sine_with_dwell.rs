@@ -42,60 +42,28 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[RATIO],
     metrics: &[
-        Definition::new(
-            "bos",
-            "Beginning of steer",
-            "s",
-            "Time when the steering wheel angle reaches 5 deg, interpolated. The angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; \
-             their means over the second before the maneuver are subtracted; all are positive in the direction of the first steering.",
-        ),
-        Definition::new(
-            "cos",
-            "Completion of steer",
-            "s",
-            "Time when the steering wheel returns to 0 after the dwell. If the return from half of the second amplitude takes more than 0.5 s, the time when the steering wheel reaches 1 % of the second amplitude.",
-        ),
-        Definition::new("direction", "Direction", "1", "Direction of the first steering: 1 left, -1 right."),
-        Definition::new("amplitude", "Amplitude", "deg", "Largest magnitude of the steering wheel angle."),
-        Definition::new(
-            "first_peak_yaw_rate",
-            "First peak of the yaw rate",
-            "rad/s",
-            "Largest yaw rate from the beginning of steer until the angle is negative.",
-        ),
-        Definition::new(
-            "second_peak_yaw_rate",
-            "Second peak of the yaw rate",
-            "rad/s",
-            "Magnitude of the first minimum of the yaw rate below 0 after the angle has become negative.",
-        ),
-        Definition::new("second_peak_time", "Time of the second peak", "s", "Time of the row of the second peak."),
-        Definition::new(
-            "yaw_rate_ratio_1s",
-            "Yaw rate ratio after 1 s",
-            "1",
-            "Yaw rate 1 s after the completion of steer, divided by the yaw rate at the second peak.",
-        ),
-        Definition::new("yaw_rate_ratio_1_75s", "Yaw rate ratio after 1.75 s", "1", "The same after 1.75 s."),
-        Definition::new(
-            "lateral_displacement",
-            "Lateral displacement",
-            "m",
-            "Lateral acceleration integrated twice over the 1.07 s after the beginning of steer, starting at 0.",
-        ),
-        Definition::new(
-            "sideslip_peak",
-            "Peak of the sideslip angle",
-            "rad",
-            "Largest magnitude of the unfiltered sideslip angle after the maneuver begins.",
-        )
-        .down(),
-        Definition::new(
-            "stable",
-            "Stable",
-            "1",
-            "True if the magnitude of the yaw rate ratio is at most 0.35 after 1 s and at most 0.20 after 1.75 s.",
-        ),
+        Definition::neutral("bos", "Beginning of steer", "s")
+            .is("Time when the steering wheel angle reaches 5 deg, interpolated. The angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; \
+             their means over the second before the maneuver are subtracted; all are positive in the direction of the first steering."),
+        Definition::neutral("cos", "Completion of steer", "s")
+            .is("Time when the steering wheel returns to 0 after the dwell. If the return from half of the second amplitude takes more than 0.5 s, the time when the steering wheel reaches 1 % of the second amplitude."),
+        Definition::neutral("direction", "Direction", "1").is("Direction of the first steering: 1 left, -1 right."),
+        Definition::neutral("amplitude", "Amplitude", "deg").is("Largest magnitude of the steering wheel angle."),
+        Definition::neutral("first_peak_yaw_rate", "First peak of the yaw rate", "rad/s")
+            .is("Largest yaw rate from the beginning of steer until the angle is negative."),
+        Definition::neutral("second_peak_yaw_rate", "Second peak of the yaw rate", "rad/s")
+            .is("Magnitude of the first minimum of the yaw rate below 0 after the angle has become negative."),
+        Definition::neutral("second_peak_time", "Time of the second peak", "s")
+            .is("Time of the row of the second peak."),
+        Definition::neutral("yaw_rate_ratio_1s", "Yaw rate ratio after 1 s", "1")
+            .is("Yaw rate 1 s after the completion of steer, divided by the yaw rate at the second peak."),
+        Definition::neutral("yaw_rate_ratio_1_75s", "Yaw rate ratio after 1.75 s", "1").is("The same after 1.75 s."),
+        Definition::neutral("lateral_displacement", "Lateral displacement", "m")
+            .is("Lateral acceleration integrated twice over the 1.07 s after the beginning of steer, starting at 0."),
+        Definition::lower("sideslip_peak", "Peak of the sideslip angle", "rad")
+            .is("Largest magnitude of the unfiltered sideslip angle after the maneuver begins."),
+        Definition::neutral("stable", "Stable", "1")
+            .is("True if the magnitude of the yaw rate ratio is at most 0.35 after 1 s and at most 0.20 after 1.75 s."),
     ],
     compute,
 };

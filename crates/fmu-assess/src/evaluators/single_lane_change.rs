@@ -24,15 +24,10 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     metrics: &[
         LATERAL_ACCELERATION_PEAK,
         peak("deviation_peak", "Largest deviation", "m", "path.lateral_deviation")
-            .defined("Largest magnitude of the lateral deviation from the path.")
+            .is("Largest magnitude of the lateral deviation from the path.")
             .down(),
-        Definition::new(
-            "overshoot",
-            "Overshoot",
-            "m",
-            "Largest magnitude of the lateral deviation after the end of the path, where `path.finished` is 1.",
-        )
-        .down(),
+        Definition::lower("overshoot", "Overshoot", "m")
+            .is("Largest magnitude of the lateral deviation after the end of the path, where `path.finished` is 1."),
         SIDESLIP_PEAK,
         ROLL_PEAK,
         LOAD_TRANSFER_PEAK,

@@ -32,50 +32,23 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[RATIO, WHEELBASE],
     metrics: &[
-        Definition::new(
-            "A_raw",
-            "Steering wheel angle at 0.3 g",
-            "deg",
-            "Value at 0.3 g of the least-squares line through the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. The \
+        Definition::neutral("A_raw", "Steering wheel angle at 0.3 g", "deg")
+            .is("Value at 0.3 g of the least-squares line through the steering wheel angle over the lateral acceleration from 0.1 g to 0.375 g. The \
              steering angle is filtered at 10 Hz, yaw rate and lateral acceleration at 6 Hz; all are positive in the direction of the last steering \
-             angle.",
-        ),
-        Definition::new(
-            "A",
-            "A, rounded",
-            "deg",
-            "A_raw, rounded to 0.1 deg. The amplitudes of other maneuvers are multiples of it.",
-        ),
-        Definition::new(
-            "understeer_gradient",
-            "Understeer gradient",
-            "rad/(m/s2)",
-            "Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 m/s2.",
-        ),
-        Definition::new(
-            "sideslip_gradient",
-            "Sideslip gradient",
-            "rad/(m/s2)",
-            "Slope of the sideslip angle over the lateral acceleration from 1 to 3 m/s2.",
-        ),
-        Definition::new(
-            "roll_gradient",
-            "Roll gradient",
-            "rad/(m/s2)",
-            "Slope of the roll angle over the lateral acceleration from 1 to 3 m/s2.",
-        ),
-        Definition::new(
-            "load_transfer_gradient",
-            "Load transfer gradient",
-            "1/(m/s2)",
-            "Slope of the load transfer ratio over the lateral acceleration from 1 to 3 m/s2.",
-        ),
-        Definition::new(
-            "lateral_acceleration_max",
-            "Largest lateral acceleration",
-            "m/s2",
-            "Largest filtered lateral acceleration in the direction of the turn.",
-        ),
+             angle."),
+        Definition::neutral("A", "A, rounded", "deg")
+            .is("A_raw, rounded to 0.1 deg. The amplitudes of other maneuvers are multiples of it."),
+        Definition::neutral("understeer_gradient", "Understeer gradient", "rad/(m/s2)")
+            .is("Slope of (steering angle - wheelbase * yaw rate / speed) over the lateral acceleration from 1 to 3 \
+                 m/s2."),
+        Definition::neutral("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)")
+            .is("Slope of the sideslip angle over the lateral acceleration from 1 to 3 m/s2."),
+        Definition::neutral("roll_gradient", "Roll gradient", "rad/(m/s2)")
+            .is("Slope of the roll angle over the lateral acceleration from 1 to 3 m/s2."),
+        Definition::neutral("load_transfer_gradient", "Load transfer gradient", "1/(m/s2)")
+            .is("Slope of the load transfer ratio over the lateral acceleration from 1 to 3 m/s2."),
+        Definition::neutral("lateral_acceleration_max", "Largest lateral acceleration", "m/s2")
+            .is("Largest filtered lateral acceleration in the direction of the turn."),
     ],
     compute,
 };

@@ -4,13 +4,8 @@ use crate::metric::{Reason, Results};
 use crate::numerics::{Line, Rows, lowpass};
 use crate::options::{Fallback, Form, OptionRule};
 
-pub(super) const WHEELBASE: OptionRule = OptionRule {
-    name: "geometry.wheelbase",
-    unit: "m",
-    form: Form::Positive,
-    default: Fallback::Required,
-    meaning: "wheelbase; for more than two axles, the equivalent wheelbase",
-};
+pub(super) const WHEELBASE: OptionRule = OptionRule::new("geometry.wheelbase", "m", Form::Positive, Fallback::Required)
+    .is("wheelbase; for more than two axles, the equivalent wheelbase");
 
 /// Steady-state cornering in the chosen rows. Signals are positive in the direction of the turn.
 pub(super) struct Cornering<'a> {

@@ -6,13 +6,8 @@ use crate::options::{Fallback, Form, OptionRule, Options};
 use std::borrow::Cow;
 
 /// Option for evaluators that need the steering wheel angle.
-pub(super) const RATIO: OptionRule = OptionRule {
-    name: "steer.ratio",
-    unit: "1",
-    form: Form::Positive,
-    default: Fallback::Required,
-    meaning: "ratio of steering wheel angle to road-wheel angle",
-};
+pub(super) const RATIO: OptionRule = OptionRule::new("steer.ratio", "1", Form::Positive, Fallback::Required)
+    .is("ratio of steering wheel angle to road-wheel angle");
 
 /// Option for recordings without a column of the steering wheel angle.
 pub(super) const OPTIONAL_RATIO: OptionRule = OptionRule {

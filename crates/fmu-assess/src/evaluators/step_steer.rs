@@ -21,32 +21,18 @@ macro_rules! metrics {
             $first,
             $second,
             $(
-                Definition::new(
-                    concat!($group, ".steady"),
-                    concat!($title, ", steady"),
-                    $unit,
-                    "Mean of the last second, positive in the direction of the steering angle.",
-                ),
-                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $gain, "Steady value divided by the steady steering angle."),
-                Definition::new(concat!($group, ".peak"), concat!($title, ", peak"), $unit, "Largest value from the step on."),
-                Definition::new(
-                    concat!($group, ".response_time"),
-                    concat!($title, ", response time"),
-                    "s",
-                    "Time from t0 until the signal rises to 90 % of its steady value.",
-                ),
-                Definition::new(
-                    concat!($group, ".peak_response_time"),
-                    concat!($title, ", peak response time"),
-                    "s",
-                    "Time from t0 to the first row of the peak.",
-                ),
-                Definition::new(
-                    concat!($group, ".overshoot"),
-                    concat!($title, ", overshoot"),
-                    "1",
-                    "Peak minus steady value, divided by the steady value.",
-                ).down(),
+                Definition::neutral(concat!($group, ".steady"), concat!($title, ", steady"), $unit)
+                    .is("Mean of the last second, positive in the direction of the steering angle."),
+                Definition::neutral(concat!($group, ".gain"), concat!($title, ", gain"), $gain)
+                    .is("Steady value divided by the steady steering angle."),
+                Definition::neutral(concat!($group, ".peak"), concat!($title, ", peak"), $unit)
+                    .is("Largest value from the step on."),
+                Definition::neutral(concat!($group, ".response_time"), concat!($title, ", response time"), "s")
+                    .is("Time from t0 until the signal rises to 90 % of its steady value."),
+                Definition::neutral(concat!($group, ".peak_response_time"), concat!($title, ", peak response time"), "s")
+                    .is("Time from t0 to the first row of the peak."),
+                Definition::lower(concat!($group, ".overshoot"), concat!($title, ", overshoot"), "1")
+                    .is("Peak minus steady value, divided by the steady value."),
             )*
             $($last),*
         ]
@@ -66,25 +52,19 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     ],
     options: &[],
     metrics: metrics!(
-        Definition::new(
-            "t0",
-            "Time of the step",
-            "s",
-            "Time when the steering angle rises to half of its steady magnitude, interpolated. Signals are not filtered."
-        ),
-        Definition::new("steer", "Steering angle", "rad", "Magnitude of the mean steering angle of the last second."),
+        Definition::neutral("t0", "Time of the step", "s")
+            .is("Time when the steering angle rises to half of its steady magnitude, interpolated. Signals are not filtered."),
+        Definition::neutral("steer", "Steering angle", "rad")
+            .is("Magnitude of the mean steering angle of the last second."),
         [
             "yaw_rate" "Yaw rate" "rad/s" "1/s"
             "lateral_acceleration" "Lateral acceleration" "m/s2" "m/(s2.rad)"
             "roll" "Roll angle" "rad" "1"
         ],
-        Definition::new(
-            "sideslip",
-            "Sideslip angle, steady",
-            "rad",
-            "Mean of the last second, positive in the direction of the steering angle."
-        ),
-        Definition::new("tb_factor", "TB factor", "rad.s", "Peak response time of the yaw rate times the magnitude of the steady sideslip angle.").down()
+        Definition::neutral("sideslip", "Sideslip angle, steady", "rad")
+            .is("Mean of the last second, positive in the direction of the steering angle."),
+        Definition::lower("tb_factor", "TB factor", "rad.s")
+            .is("Peak response time of the yaw rate times the magnitude of the steady sideslip angle.")
     ),
     compute,
 };

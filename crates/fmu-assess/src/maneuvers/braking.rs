@@ -16,43 +16,23 @@ const ANNEX: &str = "UN R13-H, annex on antilock braking";
 /// Metrics on split friction, each the larger value of two runs, and limits for the steering wheel angles, deg.
 const OF_BOTH_SIDES: [(Definition, Option<f64>); 4] = [
     (
-        Definition::new(
-            "steering_wheel_peak_2s",
-            "Largest steering wheel angle in the first 2 s",
-            "deg",
-            "Largest magnitude of the steering wheel angle in the first 2 s of braking, over both runs.",
-        )
-        .down(),
+        Definition::lower("steering_wheel_peak_2s", "Largest steering wheel angle in the first 2 s", "deg")
+            .is("Largest magnitude of the steering wheel angle in the first 2 s of braking, over both runs."),
         Some(120.0),
     ),
     (
-        Definition::new(
-            "steering_wheel_peak",
-            "Largest steering wheel angle",
-            "deg",
-            "Largest magnitude of the steering wheel angle until the car stops, over both runs.",
-        )
-        .down(),
+        Definition::lower("steering_wheel_peak", "Largest steering wheel angle", "deg")
+            .is("Largest magnitude of the steering wheel angle until the car stops, over both runs."),
         Some(240.0),
     ),
     (
-        Definition::new(
-            "lateral_peak",
-            "Largest lateral offset",
-            "m",
-            "Largest distance from the line on which braking begins, over both runs.",
-        )
-        .down(),
+        Definition::lower("lateral_peak", "Largest lateral offset", "m")
+            .is("Largest distance from the line on which braking begins, over both runs."),
         None,
     ),
     (
-        Definition::new(
-            "yaw_peak",
-            "Largest change of the yaw angle",
-            "rad",
-            "Largest change of the yaw angle after braking begins, over both runs.",
-        )
-        .down(),
+        Definition::lower("yaw_peak", "Largest change of the yaw angle", "rad")
+            .is("Largest change of the yaw angle after braking begins, over both runs."),
         None,
     ),
 ];
@@ -117,9 +97,9 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         }
     }
     let applies = (!bench.is_car()).then_some("the limit applies to cars only");
-    let definition =
-        "True if the car stops in both runs and its sideslip angle stays below 0.7 rad while it is faster than 3 m/s.";
-    let of = Definition::new("held", "Stops without spinning", "", definition).up();
+    let of = Definition::higher("held", "Stops without spinning", "").is(
+        "True if the car stops in both runs and its sideslip angle stays below 0.7 rad while it is faster than 3 m/s.",
+    );
     results.metric(&of, held).set_limit(Limit::holds(ANNEX), applies);
     for (worst, (of, limit)) in worst.into_iter().zip(&OF_BOTH_SIDES) {
         let worst = worst.map(|value| if of.unit == "deg" { value.to_degrees() } else { value });

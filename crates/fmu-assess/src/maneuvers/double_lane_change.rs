@@ -100,9 +100,8 @@ pub(crate) fn run(bench: &Bench<'_>, part: Part, results: &mut Results) {
             None => return,
         }
     }
-    let definition =
-        "Largest speed at which no cone is touched, found in steps of 5 km/h, then by bisection to 0.5 km/h.";
-    let of = Definition::new("max_entry_speed", "Largest entry speed", "km/h", definition).up();
+    let of = Definition::higher("max_entry_speed", "Largest entry speed", "km/h")
+        .is("Largest speed at which no cone is touched, found in steps of 5 km/h, then by bisection to 0.5 km/h.");
     let metric = results.metric(&of, last_passed.filter(|_| first_failed.is_some()));
     match (last_passed, first_failed) {
         (Some(_), Some(_)) => (),

@@ -46,35 +46,15 @@ pub(crate) fn on_road(bench: &Bench<'_>, spec: RunSpec, roughness: f64, seed: f6
 
 /// Metrics for a roughness class: the largest value of all wheels or struts, averaged over the seeds.
 const METRICS: [Definition; 4] = [
-    Definition::new(
-        "vibration_total",
-        "Weighted acceleration",
-        "m/s2",
-        "Root of the sum of squares of the weighted heave, roll and pitch accelerations, averaged over three roads. The label is the comfort class \
-         of ISO 2631-1; where the ranges in the standard overlap, the less comfortable class.",
-    )
-    .down(),
-    Definition::new(
-        "heave_weighted",
-        "Weighted heave acceleration",
-        "m/s2",
-        "RMS of the heave acceleration weighted by W_k (ISO 2631-1), averaged over three roads.",
-    )
-    .down(),
-    Definition::new(
-        "dynamic_load_coefficient",
-        "Largest dynamic load coefficient",
-        "1",
-        "Standard deviation of the tire load divided by its mean, at the wheel where this is largest, averaged over three roads.",
-    )
-    .down(),
-    Definition::new(
-        "suspension_travel_rms",
-        "Largest suspension travel, RMS",
-        "m",
-        "RMS of the suspension deflection about its mean, at the strut where this is largest, averaged over three roads.",
-    )
-    .down(),
+    Definition::lower("vibration_total", "Weighted acceleration", "m/s2")
+        .is("Root of the sum of squares of the weighted heave, roll and pitch accelerations, averaged over three roads. The label is the comfort class \
+         of ISO 2631-1; where the ranges in the standard overlap, the less comfortable class."),
+    Definition::lower("heave_weighted", "Weighted heave acceleration", "m/s2")
+        .is("RMS of the heave acceleration weighted by W_k (ISO 2631-1), averaged over three roads."),
+    Definition::lower("dynamic_load_coefficient", "Largest dynamic load coefficient", "1")
+        .is("Standard deviation of the tire load divided by its mean, at the wheel where this is largest, averaged over three roads."),
+    Definition::lower("suspension_travel_rms", "Largest suspension travel, RMS", "m")
+        .is("RMS of the suspension deflection about its mean, at the strut where this is largest, averaged over three roads."),
 ];
 
 /// Mean over the seeds of the metric at the wheel or strut where it is largest.

@@ -38,16 +38,15 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
             break;
         }
     }
-    let title = "No two-wheel lift up to the highest speed";
-    let definition = "True if, at all speeds of the series, no side loses contact with the road for 20 ms.";
-    let of = Definition::new("no_lift", title, "", definition).up();
+    let of = Definition::higher("no_lift", "No two-wheel lift up to the highest speed", "")
+        .is("True if, at all speeds of the series, no side loses contact with the road for 20 ms.");
     let metric = results.metric(&of, is_known.then_some(lifted.is_none()));
     metric.set_limit(Limit::holds("NHTSA, 49 CFR 575.106"), bench.not_applicable());
     if !is_known {
         metric.set_reason("no run has tire loads");
     }
-    let definition = "First speed of the series at which the wheels on one side lift or the vehicle rolls over.";
-    let of = Definition::new("lift_speed", "Speed of the first two-wheel lift", "mph", definition).up();
+    let of = Definition::higher("lift_speed", "Speed of the first two-wheel lift", "mph")
+        .is("First speed of the series at which the wheels on one side lift or the vehicle rolls over.");
     let metric = results.metric(&of, lifted);
     if lifted.is_none() {
         metric.set_best("no wheels lift");
@@ -67,18 +66,13 @@ fn series(bench: &Bench<'_>, speeds: &[f64], spec: MakeSpec<'_>, results: &mut R
 /// Metrics that are the largest values of all runs, and the signal that each needs.
 const PEAKS: [(Definition, &str); 2] = [
     (
-        Definition::new(
-            "load_transfer_peak",
-            "Largest load transfer ratio",
-            "1",
-            "Largest magnitude of the load transfer ratio in all runs.",
-        )
-        .down(),
+        Definition::lower("load_transfer_peak", "Largest load transfer ratio", "1")
+            .is("Largest magnitude of the load transfer ratio in all runs."),
         "vehicle.load_transfer_ratio",
     ),
     (
-        Definition::new("roll_peak", "Largest roll angle", "rad", "Largest magnitude of the roll angle in all runs.")
-            .down(),
+        Definition::lower("roll_peak", "Largest roll angle", "rad")
+            .is("Largest magnitude of the roll angle in all runs."),
         "body.roll",
     ),
 ];

@@ -82,12 +82,14 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
     let wanted = least_displacement(bench.vehicle.mass.as_ref().map_or(0.0, |mass| mass.value));
     let applies = bench.not_applicable();
     let stable = (unknown.is_none() || !is_stable).then_some(is_stable);
-    let definition = "True if, in all runs, the yaw rate is at most 35 % of its second peak 1 s after the steering, and at most 20 % after 1.75 s.";
-    let of = Definition::new("stable", "Stable at all amplitudes", "", definition).up();
+    let of = Definition::higher("stable", "Stable at all amplitudes", "").is(
+        "True if, in all runs, the yaw rate is at most 35 % of its second peak 1 s after the steering, and at most 20 % \
+         after 1.75 s.",
+    );
     let metric = results.metric(&of, stable).set_limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
     metric.reason = unknown.clone().filter(|_| is_stable);
-    let definition = "Smallest amplitude at which a run is not stable.";
-    let of = Definition::new("unstable_from", "Unstable from an amplitude of", "A", definition);
+    let of = Definition::neutral("unstable_from", "Unstable from an amplitude of", "A")
+        .is("Smallest amplitude at which a run is not stable.");
     let metric = results.metric(&of, unstable_from);
     if unstable_from.is_none() {
         metric.set_best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
@@ -98,12 +100,14 @@ pub(crate) fn run(bench: &Bench<'_>, results: &mut Results) {
         "The same 1.75 s after the completion of steer.",
     ];
     for (worst, (title, definition)) in worst.into_iter().zip(titles.into_iter().zip(definitions)) {
-        let of = Definition::new(worst.name, title, "1", definition).down();
+        let of = Definition::lower(worst.name, title, "1").is(definition);
         let value = worst.value;
         results.metric(&of, value).series = Some(worst.series("A"));
     }
-    let definition = "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least 5 A.";
-    let of = Definition::new(least.name, "Smallest displacement from 5 A", "m", definition).up();
+    let of = Definition::higher(least.name, "Smallest displacement from 5 A", "m").is(
+        "Smallest lateral displacement 1.07 s after the beginning of steer, in all runs with an amplitude of at least \
+         5 A.",
+    );
     let metric = results.metric(&of, least.value);
     metric.set_limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);
     if least.value.is_none() {

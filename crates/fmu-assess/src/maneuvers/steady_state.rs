@@ -54,7 +54,7 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
         values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
     };
     let mut add = |name, title, unit, definition, value: Option<f64>| {
-        let metric = results.metric(&Definition::new(name, title, unit, definition), value);
+        let metric = results.metric(&Definition::neutral(name, title, unit).is(definition), value);
         metric.reason = found.iter().find_map(|metrics| reason(metrics, name));
     };
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
@@ -102,6 +102,6 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     results.take(&run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
         let definition = "True if the run reaches its end, 72 s, without an error.";
-        results.metric(&Definition::new("completed", "Circle driven to the end", "", definition), false);
+        results.metric(&Definition::neutral("completed", "Circle driven to the end", "").is(definition), false);
     }
 }
