@@ -75,7 +75,7 @@ pub(crate) struct Export {
 impl std::fmt::Display for Export {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { model, guid, version, interfaces, indicators, arrays, .. } = self;
-        let interfaces: Vec<_> = interfaces.iter().map(|interface| interface.name()).collect();
+        let interfaces: Vec<_> = interfaces.iter().map(|interface| format!("{interface:?}").to_lowercase()).collect();
         let interfaces = interfaces.join(",");
         write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")
     }
@@ -92,14 +92,6 @@ pub(crate) enum Interface {
 }
 
 impl Interface {
-    pub(crate) const fn name(self) -> &'static str {
-        match self {
-            Self::Cs => "cs",
-            Self::Me => "me",
-            Self::Se => "se",
-        }
-    }
-
     /// Flag of this interface. A library gets the sum of such flags when it describes its model.
     pub(crate) const fn bit(self) -> i32 {
         match self {
