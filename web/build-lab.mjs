@@ -8,34 +8,14 @@
 import { mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { parseArgs } from "node:util";
-import { deflateRawSync, inflateRawSync } from "node:zlib";
+import { deflateRawSync } from "node:zlib";
 import { build } from "esbuild";
+import { unzipSync } from "three/examples/jsm/libs/fflate.module.js";
 
 const { values: options } = parseArgs({
   options: { in: { type: "string" }, out: { type: "string" }, worker: { type: "string", default: "lab/src/engine/worker.ts" } },
 });
 if (options.in === undefined || options.out === undefined) throw new Error("usage: node build-lab.mjs --in FOLDER --out FOLDER");
-
-/** Reads the files of a ZIP archive on demand. */
-function archive(path) {
-  const bytes = readFileSync(path);
-  const end = bytes.lastIndexOf("PK\x05\x06", undefined, "latin1");
-  const entries = new Map();
-  let at = bytes.readUInt32LE(end + 16);
-  for (let count = bytes.readUInt16LE(end + 10); count > 0; count--) {
-    const lengths = [28, 30, 32].map((offset) => bytes.readUInt16LE(at + offset));
-    const name = bytes.toString("utf8", at + 46, at + 46 + lengths[0]);
-    entries.set(name, { method: bytes.readUInt16LE(at + 10), size: bytes.readUInt32LE(at + 20), header: bytes.readUInt32LE(at + 42) });
-    at += 46 + lengths[0] + lengths[1] + lengths[2];
-  }
-  return (name) => {
-    const entry = entries.get(name);
-    if (entry === undefined) return null;
-    const begin = entry.header + 30 + bytes.readUInt16LE(entry.header + 26) + bytes.readUInt16LE(entry.header + 28);
-    const data = bytes.subarray(begin, begin + entry.size);
-    return entry.method === 0 ? data : inflateRawSync(data);
-  };
-}
 
 /** Bytes as text for a script. They are compressed first, because a server compresses base64 badly. */
 const packed = (bytes) => deflateRawSync(bytes, { level: 9 }).toString("base64");
@@ -43,14 +23,15 @@ const packed = (bytes) => deflateRawSync(bytes, { level: 9 }).toString("base64")
 const fmus = readdirSync(join(options.in, "fmus"))
   .filter((file) => file.endsWith(".fmu"))
   .map((file) => {
-    const read = archive(join(options.in, "fmus", file));
+    const archive = unzipSync(readFileSync(join(options.in, "fmus", file)));
+    const read = (path, encoding) => Buffer.from(archive[path] ?? []).toString(encoding);
     const name = basename(file, ".fmu");
-    const module = read(`binaries/wasm32-unknown-unknown/${name}.wasm`);
-    if (module === null) throw new Error(`${file} has no binary for wasm32: pack it with --platforms wasm32`);
+    const module = archive[`binaries/wasm32-unknown-unknown/${name}.wasm`];
+    if (module === undefined) throw new Error(`${file} has no binary for wasm32: pack it with --platforms wasm32`);
     return {
       name,
-      description: read("modelDescription.xml").toString("utf8"),
-      documentation: { html: read("documentation/index.html")?.toString("utf8") ?? "", picture: read("model.png")?.toString("base64") ?? "" },
+      description: read("modelDescription.xml", "utf8"),
+      documentation: { html: read("documentation/index.html", "utf8"), picture: read("model.png", "base64") },
       module: packed(module),
     };
   });
