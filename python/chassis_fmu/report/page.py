@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -99,27 +99,19 @@ def _default(setting: Setting, variable: Variable | None) -> str:
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
     """List a value once if it is the same in all runs, otherwise by the case or point that it depends on."""
-    cases = plan.case_titles
-    points = plan.point_titles
-    if len(set(values.values())) == 1:
-        return (("", next(iter(values.values()))),)
-    by_case: dict[str, set[str]] = {}
-    by_point: dict[str | None, set[str]] = {}
-    for (case, point), value in values.items():
-        by_case.setdefault(case, set()).add(value)
-        by_point.setdefault(point, set()).add(value)
-    if all(len(v) == 1 for v in by_case.values()):
-        return tuple((cases[c], v.pop()) for c, v in by_case.items())
-    # In a sweep over two parameters, most values depend on one of them.
-    by_axis: tuple[dict[str, set[str]], dict[str, set[str]]] = ({}, {})
-    for (_, name), value in values.items():
-        for own, at in zip(by_axis, _places(plan, name) or (), strict=False):
-            own.setdefault(at, set()).add(value)
-    for own in by_axis:
-        if own and all(len(v) == 1 for v in own.values()):
-            return tuple((at, v.pop()) for at, v in own.items())
-    if all(len(v) == 1 for v in by_point.values()):
-        return tuple((points[p], v.pop()) for p, v in by_point.items())
+
+    def by_axis(axis: int) -> Callable[[str, str | None], str | None]:
+        # In a sweep over two parameters, most values depend on one of them.
+        return lambda _, point: places[axis] if (places := _places(plan, point)) else None
+
+    of_case, of_point = plan.case_titles, plan.point_titles
+    labels = (lambda *_: "", lambda case, _: of_case[case], by_axis(0), by_axis(1), lambda _, point: of_point[point])
+    for label in labels:
+        by_label: dict[str | None, set[str]] = {}
+        for place, value in values.items():
+            by_label.setdefault(label(*place), set()).add(value)
+        if all(text is not None and len(found) == 1 for text, found in by_label.items()):
+            return tuple((str(text), found.pop()) for text, found in by_label.items())
     return tuple((plan.place(c, p), v) for (c, p), v in values.items())
 
 
