@@ -144,7 +144,6 @@ export class Fmu {
       ...this.#numbers("Boolean", 4),
       ...this.#stringFunctions(),
       ...this.#states(),
-      ...this.#derivatives(),
     };
     for (const name of Object.keys(FUNCTIONS)) {
       if (this.#exports[name] === undefined) continue;
@@ -180,11 +179,6 @@ export class Fmu {
   #bring(from: number, to: number, size: number): void {
     const source = this.#core.memory.now.bytes;
     this.#memory.now.bytes.set(source.subarray(from, from + size), to);
-  }
-
-  #fetch(from: number, to: number, size: number): void {
-    const source = this.#memory.now.bytes;
-    this.#core.memory.now.bytes.set(source.subarray(from, from + size), to);
   }
 
   /** Copies a C string from the core to memory that stays allocated. A null pointer stays a null pointer. */
@@ -228,7 +222,6 @@ export class Fmu {
         if (logger !== undefined) this.#environments.delete(logger.environment);
         return 0;
       },
-      fmi2SetDebugLogging: (component = 0, on = 0) => this.#function("fmi2SetDebugLogging")(component, on, 0, 0),
     };
   }
 
@@ -303,22 +296,6 @@ export class Fmu {
       };
     };
     return { fmi2GetFMUstate: through("fmi2GetFMUstate"), fmi2FreeFMUstate: through("fmi2FreeFMUstate") };
-  }
-
-  #derivatives(): Record<string, Export> {
-    const call = this.#function("fmi2GetDirectionalDerivative");
-    return {
-      fmi2GetDirectionalDerivative: (component = 0, unknowns = 0, rows = 0, knowns = 0, columns = 0, seed = 0, result = 0) => {
-        const room = this.#room(12 * (rows + columns) + 16);
-        const seeds = (room + 4 * (rows + columns) + 7) & ~7;
-        this.#bring(unknowns, room, 4 * rows);
-        this.#bring(knowns, room + 4 * rows, 4 * columns);
-        this.#bring(seed, seeds, 8 * columns);
-        const status = call(component, room, rows, room + 4 * rows, columns, seeds, seeds + 8 * columns);
-        this.#fetch(seeds + 8 * columns, result, 8 * rows);
-        return status;
-      },
-    };
   }
 
   get size(): number {
