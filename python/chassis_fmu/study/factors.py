@@ -96,19 +96,19 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
         return [float(v) for v in self._continuous().ppf(u)]
 
     def _continuous(self) -> Any:
-        low, high = self.min, self.max
-        if self.distribution == "uniform" and low is not None and high is not None:
+        # The numbers that a distribution needs are present: `fmu_system::study` checks this.
+        low: Any = self.min
+        high: Any = self.max
+        mode: Any = self.mode
+        if self.distribution == "uniform":
             return scipy.stats.uniform(low, high - low)
         if self.distribution == "log_uniform":
             return scipy.stats.loguniform(low, high)
-        if self.distribution == "triangular" and None not in (low, high, self.mode):
-            span = high - low  # type: ignore[operator]
-            return scipy.stats.triang((self.mode - low) / span, low, span)  # type: ignore[operator]
-        if self.distribution == "normal" and self.mean is not None and self.deviation is not None:
+        if self.distribution == "triangular":
+            return scipy.stats.triang((mode - low) / (high - low), low, high - low)
+        if self.distribution == "normal":
             return _Truncated(scipy.stats.norm(self.mean, self.deviation), low, high)
-        if self.distribution == "lognormal" and self.median is not None and self.deviation is not None:
-            return _Truncated(scipy.stats.lognorm(self.deviation, scale=self.median), low, high)
-        raise AssertionError(f"{self.distribution} is checked")
+        return _Truncated(scipy.stats.lognorm(self.deviation, scale=self.median), low, high)
 
     def text(self, unit: str) -> str:
         """Describe the distribution, with values in `unit` ("" for none)."""
