@@ -44,7 +44,7 @@ Row: TypeAlias = tuple[
     int, int, tuple[float | None, ...], _Status, float | None, str | None, str | None, str | None, float
 ]
 
-def study(file: Path, folders: Sequence[Path], runs: int | None = None) -> str:
+def study(file: Path, folders: Sequence[Path], runs: int | None) -> str:
     """Return a study with `[[vary]]` as JSON; raises ScenarioError if it is invalid."""
 
 class System:
@@ -54,9 +54,8 @@ class System:
         self,
         file: Path,
         folders: Sequence[Path],
-        stop: float | None = None,
-        seeds: int | None = None,
-        fmus: Mapping[str, tuple[str, bool]] = ...,
+        stop: float | None,
+        fmus: Mapping[str, tuple[str, bool]],
     ) -> None: ...
     def plan(self) -> str: ...
     def variable(

@@ -157,7 +157,7 @@ class Scenario:
 
     def _connect(self) -> None:
         replaced = {component: (fmu, self._keep_parameters) for component, fmu in self._replace.items()}
-        self._native = _native.System(self.file, self._folders, self._stop, None, replaced)
+        self._native = _native.System(self.file, self._folders, self._stop, replaced)
         self.plan = plan.Plan.parse(self._native.plan(), Path())
 
     def __getstate__(self) -> dict[str, Any]:

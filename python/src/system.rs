@@ -43,7 +43,6 @@ pub(crate) fn run_failure(failed: Failure) -> PyErr {
 
 /// A study with `[[vary]]` as JSON; `runs` replaces its number of samples.
 #[pyfunction]
-#[pyo3(signature = (file, folders, runs=None))]
 pub(crate) fn study(file: PathBuf, folders: Vec<PathBuf>, runs: Option<u64>) -> PyResult<String> {
     let found = fmu_system::study::read(&file, &FmuFolder::new(folders), runs);
     found.map(|study| study.json().to_string()).map_err(|problem| error(problem.lines().join("\n")))
@@ -149,18 +148,16 @@ pub(crate) struct System {
 #[pymethods]
 impl System {
     #[new]
-    #[pyo3(signature = (file, folders, stop=None, seeds=None, fmus=BTreeMap::new()))]
     fn new(
         py: Python<'_>,
         file: PathBuf,
         folders: Vec<PathBuf>,
         stop: Option<f64>,
-        seeds: Option<usize>,
         fmus: BTreeMap<String, (String, bool)>,
     ) -> PyResult<Self> {
         let fmus =
             fmus.into_iter().map(|(component, (fmu, keep_parameters))| OtherFmu { component, fmu, keep_parameters });
-        let options = Options { stop, seeds, fmus: fmus.collect(), ..Options::default() };
+        let options = Options { stop, fmus: fmus.collect(), ..Options::default() };
         py.detach(|| {
             let plan = resolve(&file, &FmuFolder::new(folders), &options)
                 .map_err(|problem| error(problem.lines().join("\n")))?;
