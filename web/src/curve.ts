@@ -5,7 +5,7 @@ import { digits, numbers } from "./data";
 import { element } from "./dom";
 import { convert, measured, withRoom } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Plane, coordinates } from "./panel";
+import { type Range, type Values, Plane } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 
@@ -76,15 +76,13 @@ export class Curve extends Plane {
     return this.panel.kind === "map";
   }
 
-  protected draw(): void {
-    if (this.body.clientWidth === 0) return;
-    const kept = this.chosen;
+  protected build(): void {
     const [across, up] = [this.unitOf(this.panel.x), this.unitOf(this.panel.y)];
     this.#drawn = this.panel.lines
       .filter((line) => this.state.shows(line))
       .map((line) => {
         const recorded = this.#recorded.get(line) ?? null;
-        const { x, y } = recorded ?? coordinates(this.words, line);
+        const { x, y } = recorded ?? { x: numbers(this.words, line.x), y: numbers(this.words, line.y) };
         const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
         const times = recorded?.times ?? (line.t === undefined ? [] : numbers(this.words, line.t));
         const begins = new Set<number>();
@@ -110,15 +108,13 @@ export class Curve extends Plane {
     const { over } = this.make(series.length === 0 ? [{ paint: () => {}, points: [[], []] }] : series, [1, 10]);
     this.#marks = new Map(this.#drawn.map((drawn) => [drawn, element("div", { className: "plot-mark" })]));
     over.append(...this.#marks.values());
-    this.zoom(kept);
-    this.#read();
   }
 
   protected override resized(): void {
     this.zoom(this.chosen);
   }
 
-  zoom(range: Range | null): void {
+  override zoom(range: Range | null): void {
     const plot = this.plot;
     if (plot === null) return;
     let [min, max] = range ?? this.full;
@@ -220,7 +216,7 @@ export class Curve extends Plane {
     const time = found === null ? null : found[0].times[found[1]];
     this.#at = new Map(found === null ? [] : [found]);
     this.state.point(time === undefined || Number.isNaN(time) ? null : time, this);
-    this.#read();
+    this.read();
   }
 
   /** Moves the cursor to the points at a time, s; null removes it. */
@@ -234,7 +230,7 @@ export class Curve extends Plane {
       });
       if (nearest >= 0) this.#at.set(drawn, nearest);
     }
-    this.#read();
+    this.read();
   }
 
   protected move(to: -1 | 1 | "start" | "end"): void {
@@ -260,8 +256,7 @@ export class Curve extends Plane {
     }
   }
 
-  /** Writes the coordinates at the cursor; without a cursor, the legend. */
-  #read(): void {
+  protected read(): void {
     this.#place();
     const named = this.#drawn.filter((drawn) => drawn.line.title !== "" || this.#at.has(drawn));
     const entries = named.map((drawn) => {

@@ -5,10 +5,9 @@ import { digits, numbers } from "./data";
 import { element } from "./dom";
 import { axisTitle, cell, convert, measured, text } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
-import { type Range, Plane, coordinates } from "./panel";
+import { type Range, Plane } from "./panel";
 import type { State } from "./state";
 
-const HEIGHT = 340;
 /** Minimum width and height of a cell with a number in it, px. */
 const ROOM: readonly [number, number] = [46, 20];
 /** If a row has at most this many cells, each of them has a tick. */
@@ -49,6 +48,7 @@ function borders(centers: number[], log: boolean): number[] {
 }
 
 export class Heat extends Plane {
+  protected readonly ownHeight = 340;
   readonly #line: Line;
   /** Centers of the cells in the displayed units, and values by row and column. */
   #xs: number[] = [];
@@ -65,16 +65,12 @@ export class Heat extends Plane {
     this.#line = panel.lines[0];
   }
 
-  protected get ownHeight(): number {
-    return HEIGHT;
-  }
-
   get #z(): Axis {
     return this.panel.z ?? this.panel.y;
   }
 
   #cells(): void {
-    const { x, y } = coordinates(this.words, this.#line);
+    const [x, y] = [numbers(this.words, this.#line.x), numbers(this.words, this.#line.y)];
     const z = this.#line.z === undefined ? [] : numbers(this.words, this.#line.z);
     const rising = (values: (number | null)[]) => [...new Set(values.filter((value) => value !== null))].sort((a, b) => a - b);
     const [across, up] = [rising(x), rising(y)];
@@ -93,9 +89,7 @@ export class Heat extends Plane {
     this.#limits = fixed === null ? [Math.min(...known), Math.max(...known)] : [fixed[0], fixed[1]];
   }
 
-  protected draw(): void {
-    if (this.body.clientWidth === 0) return;
-    const kept = this.chosen;
+  protected build(): void {
     this.#cells();
     const [across, up] = this.#borders;
     this.full = [across[0] ?? 0, across.at(-1) ?? 1];
@@ -104,19 +98,15 @@ export class Heat extends Plane {
     const series = [{ paint: (plot: uPlot) => this.#paint(plot), points: [this.#xs, this.#xs] as [number[], number[]] }];
     this.make(series, vertical, atCells(this.#xs), atCells(this.#ys)).over.append(this.#mark);
     this.element.dataset["vertical"] = `${vertical[0]} ${vertical[1]}`;
-    this.zoom(kept);
-    this.#read();
   }
 
   protected override resized(): void {
-    this.#read();
+    this.read();
   }
 
-  zoom(range: Range | null): void {
-    const [min, max] = range ?? this.full;
-    this.plot?.setScale("x", { min, max });
-    this.note([min, max], range !== null);
-    this.#read();
+  override zoom(range: Range | null): void {
+    super.zoom(range);
+    this.read();
   }
 
   #share(value: number): number {
@@ -153,13 +143,13 @@ export class Heat extends Plane {
     const at: [number, number] =
       left < 0 || top < 0 ? [-1, -1] : [inside(plot.posToVal(left, "x"), this.#borders[0]), inside(plot.posToVal(top, "y"), this.#borders[1])];
     this.#at = at[0] < 0 || at[1] < 0 ? null : at;
-    this.#read();
+    this.read();
   }
 
   #go([across, up]: readonly [number, number]): void {
     const inside = (value: number, count: number) => Math.max(0, Math.min(count - 1, value));
     this.#at = [inside(across, this.#xs.length), inside(up, this.#ys.length)];
-    this.#read();
+    this.read();
   }
 
   protected move(to: -1 | 1 | "start" | "end"): void {
@@ -174,7 +164,7 @@ export class Heat extends Plane {
   }
 
   /** Writes the cell at the cursor; without a cursor, the color scale. */
-  #read(): void {
+  protected read(): void {
     const plot = this.plot;
     if (plot === null) return;
     const at = this.#at;

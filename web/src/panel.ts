@@ -1,7 +1,6 @@
 /** Base of all panels: title, readout, container of the plot, and line colors. */
 
 import uPlot from "uplot";
-import { numbers } from "./data";
 import { color, element } from "./dom";
 import { axisTitle } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
@@ -65,7 +64,19 @@ export abstract class Frame {
   }
 
   /** Redraws the panel, after a switch or the theme has changed. */
-  protected abstract draw(): void;
+  protected draw(): void {
+    if (this.body.clientWidth === 0) return;
+    const kept = this.chosen;
+    this.build();
+    this.zoom(kept);
+    this.read();
+  }
+
+  /** Makes the plot, and sets `full`. */
+  protected abstract build(): void;
+
+  /** Writes the values at the cursor; without a cursor, the legend. */
+  protected abstract read(): void;
 
   /** Moves the cursor by a keyboard step, backward or forward, or to one of the ends. */
   protected abstract move(to: -1 | 1 | "start" | "end"): void;
@@ -76,10 +87,14 @@ export abstract class Frame {
   }
 
   /** Shows a range of the abscissa; null for the full range. */
-  abstract zoom(range: Range | null): void;
+  zoom(range: Range | null): void {
+    const [min, max] = range ?? this.full;
+    this.plot?.setScale("x", { min, max });
+    this.note([min, max], range !== null);
+  }
 
   /** Default height of this kind of plot, px. */
-  protected abstract get ownHeight(): number;
+  protected abstract readonly ownHeight: number;
 
   /** Height of the plot, px, sufficient for the titles of its vertical axes. */
   protected get height(): number {
@@ -235,11 +250,6 @@ export abstract class Plane extends Frame {
     } as unknown as uPlot.Options;
     return (this.plot = new uPlot(options, [null, ...series.map(({ points }) => points)] as unknown as uPlot.AlignedData, this.body));
   }
-}
-
-/** Returns both coordinates of a line, in the units of the data. */
-export function coordinates(words: Uint16Array, line: Line): { x: Values; y: Values } {
-  return { x: numbers(words, line.x), y: numbers(words, line.y) };
 }
 
 /** Scales a range by a factor about a point; null stands for the middle of the range. */

@@ -5,12 +5,11 @@ import { digits, numbers } from "./data";
 import { color } from "./dom";
 import { axisTitle, convert, measured, revert, text, withRoom } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
-import { type Range, type Values, Frame, axisStyle, coordinates } from "./panel";
+import { type Range, type Values, Frame, axisStyle } from "./panel";
 import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 import { ticks } from "./ticks";
 
-const HEIGHT = 240;
 const AXIS_WIDTH = 62;
 /** A line whose total variation exceeds this many times its range is drawn thin, because it is noise. */
 const NOISY = 20;
@@ -49,15 +48,16 @@ function nearest(values: ArrayLike<number | null | undefined>, xs: ArrayLike<num
 }
 
 export class Plot extends Frame {
+  protected readonly ownHeight = 240;
   readonly #lines: Drawn[];
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
     super(data, panel, state, words);
     this.#lines = panel.lines.map((line) => {
-      const { x, y } = coordinates(words, line);
+      const y = numbers(words, line.y);
       return {
         line,
-        x,
+        x: numbers(words, line.x),
         y,
         spread: line.spread === undefined ? null : numbers(words, line.spread),
         digits: digits(line.y),
@@ -80,10 +80,6 @@ export class Plot extends Frame {
     set({ left, top: left < 0 ? -10 : plot.bbox.height / devicePixelRatio / 2 }, true, false);
   }
 
-  protected get ownHeight(): number {
-    return HEIGHT;
-  }
-
   get #xUnit() {
     return this.panel.x.units[0];
   }
@@ -93,10 +89,9 @@ export class Plot extends Frame {
     return this.unitOf((line?.right === true ? this.panel.right : undefined) ?? this.panel.y);
   }
 
-  zoom(range: Range | null): void {
+  override zoom(range: Range | null): void {
+    super.zoom(range);
     const [min, max] = range ?? this.full;
-    this.plot?.setScale("x", { min, max });
-    this.note([min, max], range !== null);
     if (isReadable && max - min <= CLOSE * (this.full[1] - this.full[0])) void this.#refine();
   }
 
@@ -116,10 +111,7 @@ export class Plot extends Frame {
     this.draw();
   }
 
-  protected draw(): void {
-    const width = this.body.clientWidth;
-    if (width === 0) return;
-    const kept = this.chosen;
+  protected build(): void {
     const shown = this.#lines.filter((drawn) => this.state.shows(drawn.line));
     const tables: uPlot.AlignedData[] = [];
     const series: uPlot.Series[] = [{}];
@@ -173,7 +165,7 @@ export class Plot extends Frame {
     const vertical = (of: Panel["y"], name: string): uPlot.Axis => ({ ...axis, label: axisTitle(of, this.unitOf(of)), labelSize: 18, size: AXIS_WIDTH - 18, scale: name, ...ticks(of) });
     this.plot = new uPlot(
       {
-        width,
+        width: this.body.clientWidth,
         height: this.height,
         series,
         bands,
@@ -196,7 +188,7 @@ export class Plot extends Frame {
           dataIdx: (plot, number, row, x) => nearest(plot.data[number]!, plot.data[0], row, x),
         },
         hooks: {
-          setCursor: [() => this.#read()],
+          setCursor: [() => this.read()],
           setSelect: [(plot) => this.select(plot)],
           draw: [(plot) => this.#drawn(plot)],
         },
@@ -204,8 +196,6 @@ export class Plot extends Frame {
       joined,
       this.body,
     );
-    this.zoom(kept);
-    this.#read();
   }
 
   protected move(to: -1 | 1 | "start" | "end"): void {
@@ -274,8 +264,7 @@ export class Plot extends Frame {
     ctx.restore();
   }
 
-  /** Writes the values at the cursor; without a cursor, the legend. */
-  #read(): void {
+  protected read(): void {
     const plot = this.plot;
     if (plot === null) return;
     const row = plot.cursor.idx;
