@@ -111,13 +111,13 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
             if recording is None:
                 continue
             v = recording.values
+            found = next((r.metrics for r in source.assessment.runs if (r.name, r.system) == (run, case.name)), {})
             title = case.title if side == "left" else ""
             across = sign * v["vehicle.lateral_acceleration"]
             if "driver.steering_wheel" in v:
                 wheel = sign * v["driver.steering_wheel"]
                 steering.append(Line("run", title, across, wheel, case, t=recording.times))
-                at = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "A_raw")
-                fitted = _regression(across, wheel, at)
+                fitted = _regression(across, wheel, found.get("A_raw"))
                 if fitted is not None:
                     name = "" if regressions else "least-squares line, 0.1 g to 0.375 g"
                     regressions.append(Line("reference", name, *fitted, case))
@@ -125,7 +125,7 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 continue
             up = sign * (v["driver.steer"] - wheelbase * v["vehicle.yaw_rate"] / v["vehicle.speed"])
             handling.append(Line("run", title, across, up, case, t=recording.times))
-            gradient = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "understeer_gradient")
+            gradient = found.get("understeer_gradient")
             # A regression line passes through the mean of its points.
             inside = (across >= 1.0) & (across <= 3.0)
             if gradient is not None and inside.any():
@@ -167,11 +167,6 @@ def _regression(across: Array, wheel: Array, angle: float | None) -> tuple[Array
     slope = float(np.polyfit(across[rows], wheel[rows], 1)[0])
     ends = np.array([low, high])
     return ends, math.radians(angle) + slope * (ends - 0.3 * GRAVITY)
-
-
-def _of(runs: Sequence[Run], name: str, metric: str) -> float | None:
-    value = next((run.metrics.get(metric) for run in runs if run.name == name), None)
-    return float(value) if isinstance(value, (int, float)) else None
 
 
 def _signals(
