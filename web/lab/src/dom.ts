@@ -46,6 +46,11 @@ export function isControl(target: EventTarget | null): boolean {
 export const unitText = (unit: string): string =>
   unit === "1" ? "" : unit.replaceAll(/([A-Za-z)])2/g, "$1²").replaceAll(/([A-Za-z)])3/g, "$1³").replaceAll(".", "·");
 
+/** Whether a text contains all words of a search. */
+export function isFound(search: string, text: string): boolean {
+  return search.toLowerCase().split(/\s+/).every((word) => text.toLowerCase().includes(word));
+}
+
 export function download(name: string, content: Uint8Array): void {
   const url = URL.createObjectURL(new Blob([content as Uint8Array<ArrayBuffer>]));
   element("a", { href: url, download: name }).click();

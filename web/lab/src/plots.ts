@@ -200,7 +200,6 @@ class LivePlot {
 
 export class Plots {
   #plots: LivePlot[] = [];
-  #signals: string[] = [];
   #number = 0;
   #drawn = 0;
   #isStale = false;
@@ -249,8 +248,7 @@ export class Plots {
     const columns = this.#columns;
     const names = columns.map(({ name }) => name);
     if (this.#plots.length === 0) {
-      this.#signals = [...PREFERRED.filter((name) => names.includes(name)), ...names].slice(0, 4);
-      for (const signal of this.#signals) this.#add(signal);
+      for (const signal of [...PREFERRED.filter((name) => names.includes(name)), ...names].slice(0, 4)) this.#add(signal);
     }
     for (const plot of this.#plots) {
       if (!names.includes(plot.signal)) plot.signal = this.#unused();

@@ -1,5 +1,5 @@
 // The core (crates/fmu-lab: resolver, master and metrics as WebAssembly), and the modules of FMUs that it opens.
-import type { Catalog, Driving, Opened, Setup } from "../protocol";
+import type { Catalog, Opened, Request, Setup } from "../protocol";
 import { FUNCTIONS, REQUIRED, trampolines } from "./abi";
 import { Fmu } from "./fmu";
 import { Memory } from "./memory";
@@ -15,19 +15,13 @@ export class Failure extends Error {
   }
 }
 
-/** A request, as in crates/fmu-lab/src/requests.rs. */
+/** A request, as in crates/fmu-lab/src/requests.rs; the core ignores the `id` of requests from the page. */
 type CoreRequest =
   | { kind: "start"; descriptions: Record<string, string>; texts: Record<string, string> }
   | { kind: "drop"; name: string }
   | { kind: "add"; name: string; description: string }
   | { kind: "open"; setup: Setup; modules: string[] }
-  | { kind: "seek"; time: number }
-  | { kind: "set"; system: number | null; adjustable: string; value: number }
-  | { kind: "drive"; driving: Driving }
-  | { kind: "metrics" }
-  | { kind: "csv"; system: number }
-  | { kind: "ssp"; system: number }
-  | { kind: "describe"; fmu: string };
+  | Extract<Request, { kind: "seek" | "set" | "drive" | "metrics" | "csv" | "ssp" | "describe" }>;
 
 interface Exports {
   memory: WebAssembly.Memory;

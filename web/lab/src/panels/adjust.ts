@@ -1,7 +1,7 @@
 /** Sliders for tunable parameters and inputs, which act while the simulation runs. */
 
 import { button, element } from "../../../src/dom";
-import { note } from "../dom";
+import { isFound, note } from "../dom";
 import type { Model } from "../model";
 import type { Adjustable } from "../protocol";
 import { type Slider, slider } from "./controls";
@@ -73,16 +73,15 @@ export class AdjustPanel {
   }
 
   #filter(): void {
-    const words = this.#search.hidden ? [] : this.#search.value.toLowerCase().split(/\s+/).filter((word) => word !== "");
+    const search = this.#search.hidden ? "" : this.#search.value.trim();
     for (const group of this.#list.querySelectorAll("details")) {
       let count = 0;
       for (const label of group.querySelectorAll<HTMLElement>(".slider")) {
-        const text = `${label.dataset["id"]} ${label.textContent}`.toLowerCase();
-        label.hidden = !words.every((word) => text.includes(word));
+        label.hidden = !isFound(search, `${label.dataset["id"]} ${label.textContent}`);
         if (!label.hidden) count += 1;
       }
       group.hidden = count === 0;
-      if (words.length > 0) group.open = count > 0;
+      if (search !== "") group.open = count > 0;
     }
   }
 

@@ -2,7 +2,7 @@
 
 import { element } from "../../../src/dom";
 import { label } from "../../../src/table";
-import { field, fill, note, region } from "../dom";
+import { field, fill, isFound, note, region } from "../dom";
 import { isOurs, part, summary } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
@@ -94,8 +94,7 @@ export class ReaderPanel {
   }
 
   #showVariables(): void {
-    const words = this.#search.value.toLowerCase().split(/\s+/).filter((word) => word !== "");
-    const found = this.#variables.filter(({ name, description, causality }) => words.every((word) => `${name} ${description} ${causality}`.toLowerCase().includes(word)));
+    const found = this.#variables.filter(({ name, description, causality }) => isFound(this.#search.value, `${name} ${description} ${causality}`));
     const head = ["Name", "Causality", "Start", "Unit", "Description"].map((title) => element("th", { scope: "col", textContent: title }));
     const rows = found.map(({ name, causality, start, unit, description }) =>
       element("tr", {}, element("th", { scope: "row" }, element("code", { textContent: name })), ...[causality, start, unit, description].map((text) => element("td", { textContent: text }))),

@@ -1,11 +1,12 @@
 /** Arrows for the tire forces: load, lateral and longitudinal force of each wheel. */
 
 import { ConeGeometry, CylinderGeometry, Color, InstancedMesh, Group, Matrix4, MeshBasicMaterial, Quaternion, Vector3 } from "three";
+import { color } from "../../../src/dom";
 import type { Shape } from "../shape";
 import type { Pose } from "./pose";
 
 /** Names of the colors in the page's style. */
-export const FORCE_COLORS = { load: "force-load", lateral: "force-lateral", longitudinal: "force-longitudinal" } as const;
+const COLORS = ["force-load", "force-lateral", "force-longitudinal"];
 /** Length of the arrow of a static wheel load, in wheel radii. */
 const SCALE = 1.9;
 const X = new Vector3(1, 0, 0);
@@ -17,17 +18,14 @@ export class Arrows {
   readonly #matrix = new Matrix4();
   readonly #turn = new Quaternion();
 
-  constructor(
-    readonly shape: Shape,
-    colors: Record<keyof typeof FORCE_COLORS, string>,
-  ) {
+  constructor(readonly shape: Shape) {
     const count = 3 * shape.wheels.length;
     const size = shape.kind === "car" ? 0.022 : 0.04;
     const shaft = new CylinderGeometry(size, size, 1, 10).rotateZ(-Math.PI / 2).translate(0.5, 0, 0);
     const head = new ConeGeometry(2.6 * size, 6 * size, 14).rotateZ(-Math.PI / 2).translate(-3 * size, 0, 0);
     this.#shafts = new InstancedMesh(shaft, new MeshBasicMaterial(), count);
     this.#heads = new InstancedMesh(head, new MeshBasicMaterial(), count);
-    const palette = [colors.load, colors.lateral, colors.longitudinal].map((text) => new Color(text));
+    const palette = COLORS.map((name) => new Color(color(name)));
     for (let i = 0; i < count; i++) for (const mesh of [this.#shafts, this.#heads]) mesh.setColorAt(i, palette[i % 3]!);
     for (const mesh of [this.#shafts, this.#heads]) {
       mesh.frustumCulled = false;

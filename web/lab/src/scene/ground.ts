@@ -18,6 +18,7 @@ import {
   ShaderMaterial,
   ShadowMaterial,
 } from "three";
+import { color } from "../../../src/dom";
 import type { Opened } from "../protocol";
 
 const SIZE = 500;
@@ -57,14 +58,8 @@ void main() {
   #include <colorspace_fragment>
 }`;
 
-export interface GroundColors {
-  ground: string;
-  line: string;
-  far: string;
-  path: string;
-  own: string;
-  twin: string;
-}
+/** Names of the grid's colors in the page's style. */
+const COLORS = { ground: "ground", line: "ground-line", far: "sky" };
 
 function ribbon(points: [number, number][], width: number, dash: number): BufferGeometry {
   const positions: number[] = [];
@@ -96,15 +91,13 @@ function ribbon(points: [number, number][], width: number, dash: number): Buffer
 /** The track that a vehicle leaves. */
 class Trail {
   static readonly #POINTS = 3000;
-  readonly line: Line;
-  readonly #material: LineBasicMaterial;
+  readonly line: Line<BufferGeometry, LineBasicMaterial>;
   readonly #positions = new BufferAttribute(new Float32Array(3 * Trail.#POINTS), 3);
 
-  constructor(color: string) {
-    this.#material = new LineBasicMaterial({ color });
+  constructor() {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", this.#positions);
-    this.line = new Line(geometry, this.#material);
+    this.line = new Line(geometry, new LineBasicMaterial());
     this.line.frustumCulled = false;
   }
 
@@ -117,12 +110,6 @@ class Trail {
     this.#positions.needsUpdate = true;
     this.line.geometry.setDrawRange(0, points);
   }
-
-  dispose(): void {
-    this.line.removeFromParent();
-    this.line.geometry.dispose();
-    this.#material.dispose();
-  }
 }
 
 export class Ground {
@@ -131,11 +118,10 @@ export class Ground {
   readonly #shadow = new ShadowMaterial({ opacity: 0.28 });
   readonly #following = new Group();
   readonly #course = new Group();
-  #colors: GroundColors;
-  trails: [Trail, Trail];
+  /** The tracks of the vehicle and of the vehicle beside it. */
+  readonly trails = [new Trail(), new Trail()] as const;
 
-  constructor(colors: GroundColors) {
-    this.#colors = colors;
+  constructor() {
     this.#grid = new ShaderMaterial({
       vertexShader: vertex,
       fragmentShader: fragment,
@@ -149,22 +135,14 @@ export class Ground {
     shade.position.z = 0.004;
     shade.renderOrder = -1;
     this.#following.add(grid, shade);
-    this.root.add(this.#following, this.#course);
-    this.trails = this.#newTrails();
-    this.recolor(colors);
+    this.root.add(this.#following, this.#course, ...this.trails.map(({ line }) => line));
   }
 
-  #newTrails(): [Trail, Trail] {
-    const trails: [Trail, Trail] = [new Trail(this.#colors.own), new Trail(this.#colors.twin)];
-    for (const { line } of trails) this.root.add(line);
-    return trails;
-  }
-
-  recolor(colors: GroundColors): void {
-    this.#colors = colors;
-    for (const name of ["ground", "line", "far"] as const) (this.#grid.uniforms[name]!.value as Color).set(colors[name]);
-    for (const trail of this.trails) trail.dispose();
-    this.trails = this.#newTrails();
+  /** Reads the colors of the page's style. */
+  recolor(): void {
+    for (const [name, of] of Object.entries(COLORS)) (this.#grid.uniforms[name]!.value as Color).set(color(of));
+    this.trails[0].line.material.color.set(color("own"));
+    this.trails[1].line.material.color.set(color("twin"));
   }
 
   open(opened: Opened): void {
@@ -176,7 +154,7 @@ export class Ground {
       }
     }
     if (opened.path.length > 1) {
-      const path = new Mesh(ribbon(opened.path, 0.16, 2), new MeshBasicMaterial({ color: this.#colors.path, side: DoubleSide }));
+      const path = new Mesh(ribbon(opened.path, 0.16, 2), new MeshBasicMaterial({ color: color("path"), side: DoubleSide }));
       path.position.z = 0.012;
       this.#course.add(path);
     }

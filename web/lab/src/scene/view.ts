@@ -8,7 +8,7 @@ import type { Opened } from "../protocol";
 import type { Recording } from "../recording";
 import type { Shape } from "../shape";
 import { Arrows } from "./arrows";
-import { Ground, type GroundColors } from "./ground";
+import { Ground } from "./ground";
 import { PoseReader } from "./pose";
 import { VehicleModel } from "./vehicle";
 
@@ -51,7 +51,7 @@ export class View {
   readonly #sky = new HemisphereLight(0xffffff, 0x9aa3ad, 1.5);
   /** Light from the camera, which keeps visible sides from being black. */
   readonly #fill = new DirectionalLight(0xffffff, 0.8);
-  readonly #ground: Ground;
+  readonly #ground = new Ground();
   #own: Subject | null = null;
   #other: Subject | null = null;
   #arrows: Arrows | null = null;
@@ -78,7 +78,6 @@ export class View {
     // Checking for shader errors would wait for the compiler.
     this.#renderer.debug.checkShaderErrors = false;
     this.#camera.up.set(0, 0, 1);
-    this.#ground = new Ground(this.#colors());
     this.#light.castShadow = true;
     this.#light.shadow.mapSize.set(1024, 1024);
     Object.assign(this.#light.shadow.camera, { left: -8, right: 8, top: 8, bottom: -8, near: 1, far: 40 });
@@ -97,20 +96,9 @@ export class View {
     this.#resize();
   }
 
-  #colors(): GroundColors {
-    return {
-      ground: color("ground"),
-      line: color("ground-line"),
-      far: color("sky"),
-      path: color("path"),
-      own: color("own"),
-      twin: color("twin"),
-    };
-  }
-
   #recolor(): void {
     this.#renderer.setClearColor(color("sky"));
-    this.#ground.recolor(this.#colors());
+    this.#ground.recolor();
     this.#light.intensity = darkMode.matches ? 1.5 : 1.8;
     this.#sky.intensity = darkMode.matches ? 1.0 : 1.6;
     this.#fill.intensity = darkMode.matches ? 0.8 : 1.1;
@@ -146,7 +134,7 @@ export class View {
     this.#arrows?.dispose();
     const model = new VehicleModel(shape, false, "");
     model.isOpen = this.#isOpenBody;
-    this.#arrows = new Arrows(shape, { load: color("force-load"), lateral: color("force-lateral"), longitudinal: color("force-longitudinal") });
+    this.#arrows = new Arrows(shape);
     this.#scene.add(model.root, this.#arrows.root);
     this.#own = { model, reader: new PoseReader(recording, shape) };
     this.setCamera(this.#kind);
