@@ -266,22 +266,16 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
         raise StructureError(f"{folder}: {error}") from error
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    # One call reads all outputs of a component that have the same type.
-    groups: dict[tuple[str, BaseType], list[tuple[int, str]]] = {}
-    for column, (owner, name, kind) in enumerate(structure.outputs):
-        groups.setdefault((owner, kind), []).append((column, name))
     reads = []
-    for (owner, kind), members in groups.items():
+    for owner, name, kind in structure.outputs:
         index = execution.slave_index_from_instance_name(owner)
-        references = _libcosim_references(execution, index)
-        read = getattr(observer, f"last_{kind.lower()}_values")
-        reads.append((read, index, [references[n] for _, n in members], [c for c, _ in members]))
+        reference = _libcosim_references(execution, index)[name]
+        reads.append((getattr(observer, f"last_{kind.lower()}_values"), index, [reference]))
     rows = np.empty((structure.steps, len(structure.outputs)))
     for k in range(structure.steps):
         if not execution.step():
             raise StructureError(f"{folder}: libcosim failed in step {k}")
-        for get, index, wanted, columns in reads:
-            rows[k, columns] = get(index, wanted)
+        rows[k] = [get(index, reference)[0] for get, index, reference in reads]
     if execution.status().error_code != CosimErrorCode.SUCCESS.value:
         raise StructureError(f"{folder}: libcosim: error {execution.status().error_code}")
     return _recording(structure, structure.times()[1:], rows)

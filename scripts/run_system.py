@@ -13,23 +13,26 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 import exported_system
 from chassis_fmu.execution.master import RunError
-from chassis_fmu.files.results import write_csv
+from chassis_fmu.files.results import Recording, write_csv
 from chassis_fmu.terminal import escaped
 
-# Where libcosim gets the structure of the system from.
-LIBCOSIM: dict[str, Literal["osp", "ssp", "calls"]] = {
-    "libcosim": "osp",
-    "libcosim-ssp": "ssp",
-    "libcosim-calls": "calls",
+# The tools that step all components at once.
+JACOBI: dict[str, Callable[[Path], Recording]] = {
+    "ecos": exported_system.with_ecos,
+    "ecos-calls": partial(exported_system.with_ecos, calls=True),
+    "libcosim": exported_system.with_libcosim,
+    "libcosim-ssp": partial(exported_system.with_libcosim, source="ssp"),
+    "libcosim-calls": partial(exported_system.with_libcosim, source="calls"),
 }
-TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
+TOOLS = ("fmpy", *JACOBI, "container")
 
 
 def main() -> int:
@@ -46,7 +49,7 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     folder: Path = arguments.folder
-    has_choice = arguments.tool in ("fmpy", "container")
+    has_choice = arguments.tool not in JACOBI
     if arguments.order == "sequential" and not has_choice:
         parser.error(f"{arguments.tool} steps all components at once and supports only --order jacobi")
     order: exported_system.Order = arguments.order or ("sequential" if has_choice else "jacobi")
@@ -58,12 +61,7 @@ def main() -> int:
             exported_system.container(folder, out, order)
             print(f"{order}: {out}")
             return 0
-        if arguments.tool == "fmpy":
-            recording = exported_system.with_fmpy(folder, order)
-        elif arguments.tool.startswith("ecos"):
-            recording = exported_system.with_ecos(folder, calls=arguments.tool == "ecos-calls")
-        else:
-            recording = exported_system.with_libcosim(folder, LIBCOSIM[arguments.tool])
+        recording = exported_system.with_fmpy(folder, order) if has_choice else JACOBI[arguments.tool](folder)
     except exported_system.NotLoadedError as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 3
