@@ -15,18 +15,14 @@ class ProgramError(Exception):
     """The program was not found."""
 
 
-def _time(path: Path) -> float:
-    return path.stat().st_mtime if path.is_file() else 0.0
-
-
 def find() -> Path:
     """Return the program from this package, from its repository (the latest build), or from the PATH."""
     name = "chassis.exe" if sys.platform == "win32" else "chassis"
     # The profile that scripts/build uses, if the user has chosen one.
     chosen = os.environ.get("CHASSIS_PROFILE")
     folders = ("debug" if chosen == "dev" else chosen,) if chosen else ("debug", "release")
-    builds = (ROOT / "target" / folder / name for folder in folders)
-    places = [PACKAGE / "bin" / name, *sorted(builds, key=_time, reverse=True)]
+    builds = [build for folder in folders if (build := ROOT / "target" / folder / name).is_file()]
+    places = [PACKAGE / "bin" / name, *sorted(builds, key=lambda build: build.stat().st_mtime, reverse=True)]
     # The Python command `chassis` of this environment has the same name, and would call itself.
     own = Path(sys.executable).with_name(name)
     on_path = shutil.which(name)

@@ -27,6 +27,7 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 from PIL import Image
 
+from chassis_fmu.files.describe import display_units
 from chassis_fmu.files.plan import Conversion
 from chassis_fmu.report import panels, plots
 from chassis_fmu.report.tables import pretty_unit
@@ -299,12 +300,8 @@ def shown_unit(description: ModelDescription, name: str) -> Conversion:
     Raises LookupError if the FMU has no variable with this name.
     """
     variable = demos.variable(description, name)
-    for unit in description.unitDefinitions:
-        if unit.name == variable.unit:
-            for shown in unit.displayUnits:
-                if shown.name == variable.displayUnit:
-                    return Conversion(shown.name, float(shown.factor), float(shown.offset))
-    return Conversion(variable.unit or "1")
+    shown = display_units(description).get((variable.unit, variable.displayUnit))
+    return shown or Conversion(variable.unit or "1")
 
 
 def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]] | None:

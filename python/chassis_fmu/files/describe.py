@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+from fmpy.model_description import ModelDescription
 
 from .plan import Conversion
 
@@ -35,17 +36,22 @@ def describe(path: Path) -> Description:
         model = fmpy.read_model_description(str(path), validate=False)
     except Exception:  # fmpy raises bare Exceptions
         return Description("", {})
-    shown = {
-        (unit.name, display.name): Conversion(display.name, float(display.factor or 1.0), float(display.offset or 0.0))
-        for unit in model.unitDefinitions
-        for display in unit.displayUnits
-    }
+    shown = display_units(model)
     variables = {}
     for v in model.modelVariables:
         unit = str(_first(v, "unit") or "")
         display = str(_first(v, "displayUnit") or "")
         variables[v.name] = Variable(v.start, v.description or "", shown.get((unit, display), Conversion(unit)))
     return Description(model.description or "", variables)
+
+
+def display_units(model: ModelDescription) -> dict[tuple[str, str], Conversion]:
+    """Return the display units of an FMU, by unit and name."""
+    return {
+        (unit.name, display.name): Conversion(display.name, float(display.factor or 1.0), float(display.offset or 0.0))
+        for unit in model.unitDefinitions
+        for display in unit.displayUnits
+    }
 
 
 def sha256(path: Path) -> str:

@@ -137,6 +137,7 @@ def components(plan: Plan) -> list[dict[str, Any]]:
             found.setdefault((component.name, component.fmu), []).append((run, component))
     order = {name: i for i, name in enumerate(order_of(runs))}
     descriptions: dict[Path, Description] = {}
+    given = {(r.id, u.name, s.name): s.value for r in plan.runs for u in r.components for s in u.parameters}
     sections = []
     for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):
         text = descriptions.setdefault(fmu, describe(fmu))
@@ -151,10 +152,8 @@ def components(plan: Plan) -> list[dict[str, Any]]:
             for run, component in places:
                 own = next((s for s in component.parameters if s.name == setting.name), None)
                 values[run.case, run.point] = default if own is None else _value(own, variable)
-            seeded = len({_of(r, name, setting.name) for r in plan.runs if r.case in inside}) > len(
-                set(values.values())
-            )
-            if seeded and len(plan.seeds) > 1:
+            different = {given.get((r.id, name, setting.name)) for r in plan.runs if r.case in inside}
+            if len(plan.seeds) > 1 and len(different) > len(set(values.values())):
                 shown: tuple[tuple[str, str], ...] = (("", "one value per seed"),)
             else:
                 shown = _collapse(plan, values)
@@ -179,13 +178,6 @@ def components(plan: Plan) -> list[dict[str, Any]]:
             }
         )
     return sections
-
-
-def _of(run: Run, component: str, parameter: str) -> object:
-    for u in run.components:
-        if u.name == component:
-            return next((s.value for s in u.parameters if s.name == parameter), None)
-    return None
 
 
 def unread(plan: Plan) -> dict[tuple[str, tuple[str, ...]], list[str]]:

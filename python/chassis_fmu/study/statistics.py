@@ -78,13 +78,9 @@ class Numbers:
     def of(self, metric: int, cell: int) -> Array:
         """Return the values of a metric in a cell, one for each sample; NaN where there is none."""
         at = self.job.metrics.index(metric)
-        out = np.full(self.count, math.nan)
-        for number in range(self.count):
-            row = self.rows.get((number, cell))
-            if row is not None and row.numbers:
-                found = row.numbers[at]
-                out[number] = math.nan if found is None else found
-        return out
+        rows = [self.rows.get((number, cell)) for number in range(self.count)]
+        found = [row.numbers[at] if row and row.numbers else None for row in rows]
+        return np.array([math.nan if value is None else value for value in found])
 
     def shares(self) -> list[Share]:
         """Return the share of the runs that meet each requirement, by case and point."""
