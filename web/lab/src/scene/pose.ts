@@ -14,20 +14,17 @@ export interface WheelPose {
   longitudinal: number | null;
 }
 
-export interface Pose {
-  x: number;
-  y: number;
-  yaw: number;
-  heave: number;
-  roll: number;
-  pitch: number;
+/** Signals of the body's position and orientation. */
+const BODY = { x: "vehicle.position_x", y: "vehicle.position_y", yaw: "vehicle.yaw", heave: "body.heave", roll: "body.roll", pitch: "body.pitch" };
+
+export interface Pose extends Record<keyof typeof BODY, number> {
   wheels: WheelPose[];
   /** Height and pitch of the left and the right walking beam. */
   beams: [number, number][];
 }
 
 export class PoseReader {
-  readonly #body: Record<"x" | "y" | "yaw" | "heave" | "roll" | "pitch", number>;
+  readonly #body: [name: string, column: number][];
   readonly #wheels: (Record<keyof WheelPose, number> & { share: number })[];
   readonly #beams: [number, number][];
 
@@ -36,14 +33,7 @@ export class PoseReader {
     shape: Shape,
   ) {
     const column = (...names: string[]) => recording.column(...names);
-    this.#body = {
-      x: column("vehicle.position_x"),
-      y: column("vehicle.position_y"),
-      yaw: column("vehicle.yaw"),
-      heave: column("body.heave"),
-      roll: column("body.roll"),
-      pitch: column("body.pitch"),
-    };
+    this.#body = Object.entries(BODY).map(([name, signal]) => [name, column(signal)]);
     this.#wheels = shape.wheels.map(({ place, axle, side, share }, i) => {
       // A half car has one wheel on each side.
       const half = side > 0 ? "l" : "r";
@@ -66,14 +56,9 @@ export class PoseReader {
       const value = this.recording.at(branch, column, time);
       return Number.isFinite(value) ? value : null;
     };
-    const { x, y, yaw, heave, roll, pitch } = this.#body;
+    const body = Object.fromEntries(this.#body.map(([name, column]) => [name, get(column) ?? 0])) as Record<keyof typeof BODY, number>;
     return {
-      x: get(x) ?? 0,
-      y: get(y) ?? 0,
-      yaw: get(yaw) ?? 0,
-      heave: get(heave) ?? 0,
-      roll: get(roll) ?? 0,
-      pitch: get(pitch) ?? 0,
+      ...body,
       wheels: this.#wheels.map((wheel) => ({
         height: get(wheel.height) ?? 0,
         steer: get(wheel.steer) ?? 0,
