@@ -274,7 +274,7 @@ impl Variable {
                 "constant" => "`constant` is only allowed on outputs and derived parameters".to_owned(),
                 "intermediate" => "`intermediate` is only allowed on real inputs".to_owned(),
                 "mime" => "`mime` is only allowed on variables of type `Bytes`".to_owned(),
-                "clock" => "`clock` is only allowed on inputs and outputs".to_owned(),
+                "clock" => "`clock` is only allowed on inputs, outputs and fields of a discrete state".to_owned(),
                 "terminal" | "rule" => format!("`{key}` is only allowed on nested structs of inputs and outputs"),
                 "always_finite" => format!("`{key}` is only allowed on discrete states"),
                 _ => format!("`{key}` is not a known key here; {hint}"),

@@ -18,6 +18,8 @@ pub(crate) enum Block {
     Outputs,
     State,
     Derived,
+    /// The clocked fields of a discrete state.
+    Clocked,
 }
 
 impl Block {
@@ -45,11 +47,14 @@ impl Block {
                 "unit start clock min max nominal display elements description enumeration nested flatten"
             }
             (Self::State, _) => "unit start nominal display local calculated elements description nested flatten",
+            (Self::Clocked, Content::Binary) => "clock always_finite mime elements description",
+            (Self::Clocked, Content::Integer | Content::Other) => "clock always_finite elements description",
+            (Self::Clocked, _) => "clock always_finite unit nominal display elements description enumeration",
             (Self::Derived, Content::Binary) => "mime elements description",
             (Self::Derived, Content::Integer | Content::Other) => "elements description",
             (Self::Derived, _) => "unit nominal display elements description",
         };
-        let fmi = if self == Self::State { None } else { Some("fmi") };
+        let fmi = if matches!(self, Self::State | Self::Clocked) { None } else { Some("fmi") };
         let structural =
             (self == Self::Parameters && matches!(content, Content::Integer | Content::Other)).then_some("structural");
         let is_constant = matches!(self, Self::Outputs | Self::Derived) && content != Content::Binary;
@@ -628,11 +633,20 @@ pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
     let mut errors = Errors::default();
     let names: Vec<_> = fields.iter().filter_map(|field| field.ident.clone()).collect();
     let texts: Vec<_> = names.iter().map(ToString::to_string).collect();
+    let is_clocked = |field: &&Field| Variable::of(field).is_ok_and(|variable| variable.key("clock").is_some());
+    let clocked: Vec<Part> = fields
+        .iter()
+        .filter(is_clocked)
+        .filter_map(|field| errors.keep(part(field, Block::Clocked, &root, None, &quote!(f64))))
+        .collect();
+    let members = (!clocked.is_empty()).then(|| members(&clocked, &root, &quote!(f64)));
     let searched: Vec<_> = fields
         .iter()
         .filter_map(|field| {
             let variable = errors.keep(Variable::of(field))?;
-            errors.keep(variable.allow(&["always_finite"]));
+            if variable.key("clock").is_none() {
+                errors.keep(variable.allow(&["always_finite", "clock"]));
+            }
             if let Some(remedy) = no_state(&field.ty) {
                 errors.add(Error::new_spanned(&field.ty, remedy));
             }
@@ -666,6 +680,7 @@ pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
                 #(#searched)*
                 None
             }
+            #members
         }
     })
 }

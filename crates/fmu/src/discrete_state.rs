@@ -1,6 +1,9 @@
 //! The discrete state of a model, kept from one sample or event to the next.
 
+use crate::declare::Name;
 use crate::number::Number as _;
+use crate::store::{Counts, ValuesMut};
+use crate::variable::Declaration;
 
 /// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState), `Clone` and `Default`.
 #[diagnostic::on_unimplemented(
@@ -23,6 +26,16 @@ pub trait DiscreteState: 'static {
     fn not_finite(&self) -> Option<(&'static str, f64)> {
         None
     }
+    /// Names of the clocked states: the fields with `#[var(clock = …)]`.
+    #[doc(hidden)]
+    const NAMES: &'static [Name] = &[];
+    /// Adds the clocked states.
+    #[doc(hidden)]
+    fn declare(_all: &mut Vec<Declaration>) {}
+    /// Writes the clocked states to a position.
+    #[doc(hidden)]
+    #[inline]
+    fn write(&self, _values: &mut ValuesMut<'_, f64>, _at: Counts) {}
 }
 
 impl DiscreteState for () {}

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::calls::{ALLOWED, Function, Interface, Mode, Protocol, Version};
 use crate::description::{Dependency, Description};
 use crate::runner::{Context, Kind as ModelKind, Model, Run, are_finite};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::timeline::Timeline;
 use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
@@ -390,7 +390,7 @@ impl<M: Model> Instance<M> {
     fn outputs_are_due(&self) -> bool {
         // A source computes outputs up to the start and then holds them; a stateful model computes them in each step.
         let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && self.is_before_start());
-        let are_clocked = M::HAS_CLOCKS && self.mode == Mode::Event;
+        let are_clocked = M::HAS_CLOCKS && (self.mode == Mode::Event || self.layout().clocked.counts != Counts::ZERO);
         (are_computed || are_clocked) && self.outputs_are_old
     }
 

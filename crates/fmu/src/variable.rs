@@ -175,6 +175,10 @@ pub enum Role {
     State,
     /// The derivative of the state with the same position.
     Derivative,
+    /// A field of the discrete state that belongs to a clock.
+    Clocked,
+    /// The value before the tick of the clocked state with the same position.
+    Previous,
     /// An input clock, activated by the master.
     Clock,
 }
@@ -252,6 +256,10 @@ pub struct Layout {
     pub inputs: Block,
     /// Outputs that are not states.
     pub outputs: Block,
+    /// Clocked states.
+    pub clocked: Block,
+    /// The values of the clocked states before the tick.
+    pub previous: Block,
     /// Continuous states.
     pub states: Block,
     /// Derivatives of the states.
@@ -324,6 +332,8 @@ pub struct Declarations {
     pub inputs: Vec<Declaration>,
     /// Outputs that are not states.
     pub outputs: Vec<Declaration>,
+    /// Clocked states.
+    pub clocked: Vec<Declaration>,
     /// Continuous states.
     pub states: Vec<Declaration>,
     /// Input clocks.
@@ -365,29 +375,35 @@ impl Variable {
 
 impl Layout {
     /// Assigns positions and value references to the declared variables.
-    pub fn new(declared: Declarations) -> Self {
+    pub fn new(mut declared: Declarations) -> Self {
+        // FMI 2.0 has no clocks.
+        declared.clocked.iter_mut().for_each(|state| state.details.only = Some(Version::Fmi3));
         let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();
+        let previous = declared.clocked.iter().map(previous_of).collect();
         let blocks = [
             (Role::Parameter, declared.parameters),
             (Role::Calculated, declared.derived),
             (Role::Input, declared.inputs),
             (Role::Output, declared.outputs),
+            (Role::Clocked, declared.clocked),
+            (Role::Previous, previous),
             (Role::State, declared.states),
             (Role::Derivative, derivatives),
             (Role::Clock, declared.clocks.iter().map(clock).collect()),
         ];
         let mut total = Counts::ZERO;
         let mut variables = Vec::new();
-        let [parameters, derived, inputs, outputs, states, derivatives, clocks] = blocks.map(|(role, block)| {
-            let (at, mut counts) = (total, Counts::ZERO);
-            for declaration in block {
-                let index = declaration.kind.of(at.plus(counts));
-                counts = counts.plus(declaration.kind.counts());
-                variables.push(Variable { declaration, role, index, reference: 0 });
-            }
-            total = total.plus(counts);
-            Block { at, counts }
-        });
+        let [parameters, derived, inputs, outputs, clocked, previous, states, derivatives, clocks] =
+            blocks.map(|(role, block)| {
+                let (at, mut counts) = (total, Counts::ZERO);
+                for declaration in block {
+                    let index = declaration.kind.of(at.plus(counts));
+                    counts = counts.plus(declaration.kind.counts());
+                    variables.push(Variable { declaration, role, index, reference: 0 });
+                }
+                total = total.plus(counts);
+                Block { at, counts }
+            });
         let words = total.reals;
         let booleans = words + total.words;
         let strings = booleans + total.booleans;
@@ -412,6 +428,8 @@ impl Layout {
             derived,
             inputs,
             outputs,
+            clocked,
+            previous,
             states,
             derivatives,
             clocks,
@@ -527,6 +545,13 @@ impl Layout {
     /// The real variable `index`.
     pub fn real(&self, index: usize) -> &Variable {
         &self.variables[self.positions[index]]
+    }
+
+    /// The variable with the value of a clocked state before the tick.
+    pub(crate) fn previous(&self, clocked: &Variable) -> Option<&Variable> {
+        let kind = &clocked.declaration.kind;
+        let index = clocked.index - kind.of(self.clocked.at) + kind.of(self.previous.at);
+        self.by_reference(u32::try_from(kind.of(self.first) + index).expect("below the end"))
     }
 
     pub(crate) fn state_of(&self, derivative: &Variable) -> &Variable {
@@ -774,6 +799,21 @@ fn derivative_of(state: &Declaration) -> Declaration {
             max: None,
             nominal: None,
         }),
+    }
+}
+
+fn previous_of(clocked: &Declaration) -> Declaration {
+    let name = |name: &str| format!("previous.{name}");
+    Declaration {
+        name: name(&clocked.name),
+        description: format!("Value of {} before the tick", clocked.name),
+        aliases: Vec::new(),
+        array: clocked.array.as_ref().map(|array| ArrayElement {
+            name: name(&array.name),
+            description: format!("Value of {} before the tick", array.name),
+            ..array.clone()
+        }),
+        ..clocked.clone()
     }
 }
 

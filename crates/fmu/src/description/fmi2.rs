@@ -107,7 +107,7 @@ fn model_structure(xml: &mut Xml, layout: &Layout, unknowns: &Unknowns<'_>) -> W
         let dependencies = list(dependencies.map(|variable| index(variable)));
         empty(xml, "Unknown", &[("index", &index(unknown.variable)), ("dependencies", &dependencies)])
     };
-    let Unknowns { outputs, derivatives, initial } = unknowns;
+    let Unknowns { outputs, derivatives, initial, .. } = unknowns;
     element(xml, "ModelStructure", &[], |xml| {
         let lists = [("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", initial)];
         let mut lists = lists.iter().filter(|(_, unknowns)| !unknowns.is_empty());

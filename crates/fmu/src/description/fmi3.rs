@@ -139,6 +139,11 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
     if !declaration.details.clocks.is_empty() {
         attributes.push(("clocks", clocks(layout, variable)));
     }
+    if variable.role == Role::Clocked
+        && let Some(previous) = layout.previous(variable)
+    {
+        attributes.push(("previous", previous.reference.to_string()));
+    }
     // An event may set the states.
     if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
         attributes.push(("reinit", "true".to_owned()));
@@ -256,11 +261,12 @@ fn model_structure(xml: &mut Xml, layout: &Layout, format: Format, unknowns: &Un
             empty(xml, name, &[("valueReference", &reference), ("dependencies", &dependencies)])
         })
     };
-    let Unknowns { outputs, derivatives, initial } = unknowns;
+    let Unknowns { outputs, derivatives, clocked, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
     element(xml, "ModelStructure", &[], |xml| {
         write(xml, "Output", outputs)?;
         write(xml, "ContinuousStateDerivative", derivatives)?;
+        write(xml, "ClockedState", clocked)?;
         write(xml, "InitialUnknown", initial)?;
         (0..indicators).try_for_each(|index| {
             // Without a list of dependencies, the indicator depends on everything.

@@ -245,13 +245,15 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
 /// depends, as numbers and ranges; after a semicolon, it lists those at the start, where `p` stands for all parameters.
 /// The line of a variable of another version is empty.
 pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) -> String {
-    let Unknowns { outputs, derivatives, initial } = unknowns;
+    let Unknowns { outputs, derivatives, clocked, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
     let shown = || layout.variables.iter().filter(|variable| variable.is_in(format.version));
     let mut parameters: Vec<u32> = shown().filter(|v| v.role == Role::Parameter).map(|v| v.reference).collect();
     parameters.sort_unstable();
     let mut lines = vec![[const { Vec::new() }; 2]; layout.end as usize + 1];
-    for (at_start, unknown) in outputs.iter().chain(derivatives).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u))) {
+    for (at_start, unknown) in
+        outputs.iter().chain(derivatives).chain(clocked).map(|u| (0, u)).chain(initial.iter().map(|u| (1, u)))
+    {
         let time = unknown.on_time.then_some(layout.end);
         lines[unknown.variable.reference as usize][at_start] =
             unknown.dependencies.iter().map(|known| known.reference).chain(time).collect();
@@ -290,13 +292,14 @@ pub(super) struct Unknown<'a> {
 pub(super) struct Unknowns<'a> {
     pub(super) outputs: Vec<Unknown<'a>>,
     pub(super) derivatives: Vec<Unknown<'a>>,
+    pub(super) clocked: Vec<Unknown<'a>>,
     pub(super) initial: Vec<Unknown<'a>>,
 }
 
 impl<'a> Unknowns<'a> {
     /// Without the variables that a version does not have.
     pub(super) fn in_version(mut self, version: Version) -> Self {
-        for unknowns in [&mut self.outputs, &mut self.derivatives, &mut self.initial] {
+        for unknowns in [&mut self.outputs, &mut self.derivatives, &mut self.clocked, &mut self.initial] {
             unknowns.retain(|unknown| unknown.variable.is_in(version));
             unknowns.iter_mut().for_each(|unknown| unknown.dependencies.retain(|known| known.is_in(version)));
         }
@@ -330,8 +333,9 @@ impl<'a> Unknowns<'a> {
                     &structure.dependencies[index]
                 }
                 // The parts of the active clocks may read every input.
-                (Role::Output, _) if M::HAS_CLOCKS => {
-                    let dependencies = with_role(Role::Input).chain(layout.clocks_of(variable)).collect();
+                (Role::Output, _) | (Role::Clocked, _) if M::HAS_CLOCKS => {
+                    let known = with_role(Role::Input).chain(with_role(Role::Previous));
+                    let dependencies = known.chain(layout.clocks_of(variable)).collect();
                     return Unknown { variable, dependencies, on_time: true };
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
@@ -378,6 +382,7 @@ impl<'a> Unknowns<'a> {
         Self {
             outputs: layout.variables.iter().filter(is_output).map(depends).collect(),
             derivatives: with_role(Role::Derivative).map(depends).collect(),
+            clocked: with_role(Role::Clocked).map(depends).collect(),
             initial: sorted(layout.variables.iter().filter(is_initial).collect()).into_iter().map(initial).collect(),
         }
     }

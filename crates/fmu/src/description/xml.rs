@@ -201,6 +201,7 @@ pub(super) fn attributes<M: Model>(
         Role::Output => ("output", discrete(M::KIND == ModelKind::Continuous && is_real), exact(M::CALCULATES_OUTPUTS)),
         Role::State => (if *local { "local" } else { "output" }, "continuous", exact(*calculated)),
         Role::Derivative => ("local", "continuous", "calculated"),
+        Role::Clocked | Role::Previous => ("local", "discrete", "calculated"),
         Role::Clock => ("input", "discrete", ""),
     };
     let (causality, variability, initial) = match (variable.declaration.details.constant, variable.role) {

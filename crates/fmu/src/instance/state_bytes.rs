@@ -79,7 +79,7 @@ fn is_initialized(mode: Mode) -> bool {
 fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
     let initialized = is_initialized(mode);
     match variable.role {
-        Role::Calculated | Role::Derivative => true,
+        Role::Calculated | Role::Derivative | Role::Clocked | Role::Previous => true,
         Role::State => variable.declaration.calculated && !initialized,
         Role::Output => {
             let is_kept = mode == Mode::ContinuousTime && !matches!(variable.declaration.kind, Kind::Real(_));

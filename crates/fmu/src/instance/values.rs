@@ -96,7 +96,9 @@ impl<M: Model> Instance<M> {
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
         let calculated =
             self.is_stale() && (has_others || references.iter().any(|&reference| waits(reference as usize)));
-        let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
+        // With the clocked states, which follow the outputs.
+        let first = layout.outputs.at.reals as u32;
+        let count = layout.states.at.reals as u32 - first;
         let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
         let outputs = self.outputs_are_due() && (has_others || references.iter().any(is_output));
         let is_derivative = |&reference: &u32| layout.derivatives.position(reference).is_some();
@@ -280,7 +282,8 @@ impl<M: Model> Instance<M> {
         let index = index(self, function, reference)?;
         self.check_clocked(function, &[reference])?;
         let layout = self.layout();
-        let (calculated, outputs) = (layout.derived.has_others() && self.is_stale(), layout.outputs.has_others());
+        let outputs = layout.outputs.has_others() || (M::HAS_CLOCKS && layout.clocked.has_others());
+        let calculated = layout.derived.has_others() && self.is_stale();
         self.refresh(calculated, outputs, false)?;
         Ok(index)
     }
@@ -314,6 +317,7 @@ impl<M: Model> Instance<M> {
             Role::Output => (false, "an output"),
             Role::Calculated => (false, "a calculated parameter"),
             Role::Derivative => (false, "the derivative of a state"),
+            Role::Clocked | Role::Previous => (false, "a clocked state"),
             Role::Clock => (false, "a clock"),
         };
         if allowed {
@@ -323,7 +327,7 @@ impl<M: Model> Instance<M> {
             _ if is_structural && tunable => "settable only in Configuration Mode and Reconfiguration Mode",
             _ if is_structural => "settable only in Configuration Mode",
             _ if is_configured => "not settable in this mode",
-            Role::Calculated | Role::Derivative | Role::Clock => "never settable",
+            Role::Calculated | Role::Derivative | Role::Clocked | Role::Previous | Role::Clock => "never settable",
             Role::Output if M::CALCULATES_OUTPUTS || details.constant => "never settable",
             Role::State if variable.declaration.calculated => "never settable",
             Role::Parameter if variable.declaration.tunable => "not settable in Continuous-Time Mode",

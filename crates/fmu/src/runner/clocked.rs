@@ -181,6 +181,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
+        M::State::declare(&mut declared.clocked);
         Layout::new(declared)
     }
 
@@ -254,7 +255,11 @@ impl<M: Clocked> Model for ClockedModel<M> {
         Ok(None)
     }
 
-    fn outputs(_: Context<'_, Self>, _: &ClockedRun<M>, _: &mut ValueStore) {}
+    fn outputs(Context { layout, .. }: Context<'_, Self>, run: &ClockedRun<M>, values: &mut ValueStore) {
+        let now = run.evaluated.as_ref().map_or(&run.part, |(part, _)| part);
+        now.state.write(&mut values.view_mut(), layout.clocked.at);
+        run.part.state.write(&mut values.view_mut(), layout.previous.at);
+    }
 
     fn schedules(run: &mut ClockedRun<M>) -> &mut [Schedule] {
         run.part.schedules.as_mut()

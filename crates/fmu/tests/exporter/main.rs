@@ -5,6 +5,7 @@ mod allocations;
 mod arrays;
 mod binaries;
 mod c_interface;
+mod clocked_states;
 mod clocks;
 mod comparisons;
 mod constants;
