@@ -49,10 +49,11 @@ impl Keys {
         }
         while !input.is_empty() {
             let key: Ident = input.parse()?;
-            let known = ["interval", "interval_of", "shift", "changing", "countdown", "triggered", "priority"];
-            if !known.iter().any(|known| key == known) {
+            let flags = ["changing", "countdown", "triggered", "fixed", "tunable"];
+            let known = flags.iter().chain(&["interval", "interval_of", "shift", "priority"]);
+            if !known.clone().any(|known| key == known) {
                 let text = key.to_string();
-                let near = known.iter().find(|known| strsim::damerau_levenshtein(known, &text) <= 2);
+                let near = known.clone().find(|known| strsim::damerau_levenshtein(known, &text) <= 2);
                 let hint = near.map_or_else(|| KINDS.to_owned(), |near| format!("did you mean `{near}`?"));
                 return Err(Error::new(key.span(), format!("`{key}` is not a known key here; {hint}")));
             }
@@ -61,7 +62,7 @@ impl Keys {
             }
             let has_value = input.parse::<Option<Token![=]>>()?.is_some();
             let value = if has_value { Some(ungrouped(input.parse()?)) } else { None };
-            let is_flag = ["changing", "countdown", "triggered"].iter().any(|flag| key == flag);
+            let is_flag = flags.iter().any(|flag| key == flag);
             match &value {
                 Some(_) if is_flag => {
                     return Err(Error::new(key.span(), format!("`{key}` is a flag and takes no value")));
@@ -122,6 +123,26 @@ impl Keys {
         }
     }
 
+    /// When the importer may set interval and shift: a variant of `fmu::clocks::Setting`.
+    fn setting(&self, kind: Option<&str>) -> Result<Ident> {
+        let (flag, setting) = match (self.key("fixed"), self.key("tunable")) {
+            (Some(_), Some(other)) => {
+                return Err(Error::new(other.span(), "a clock is `fixed` or `tunable`, not both"));
+            }
+            (Some(flag), None) => (flag, "Fixed"),
+            (None, Some(flag)) => (flag, "Tunable"),
+            (None, None) => return Ok(Ident::new("Never", Span::call_site())),
+        };
+        let message = match kind {
+            Some(kind) => format!("the importer sets the interval of a periodic clock only, not of a `{kind}` clock"),
+            None if self.key("interval_of").is_some() => {
+                format!("the parameter determines whether the interval can change; remove `{flag}`")
+            }
+            None => return Ok(Ident::new(setting, Span::call_site())),
+        };
+        Err(Error::new(flag.span(), message))
+    }
+
     /// The expression of type `fmu::clocks::Timing`, and true if the model can start the clock.
     fn timing(&self, at: Span, root: &TokenStream) -> Result<(TokenStream, bool)> {
         let kinds: Vec<_> =
@@ -138,12 +159,13 @@ impl Keys {
         if let (Some(kind), Some(shift)) = (&kind, self.key("shift")) {
             return Err(Error::new(shift.span(), format!("only a periodic clock has a shift, not a `{kind}` clock")));
         }
+        let setting = self.setting(kind.as_deref())?;
         match (kind.as_deref(), interval) {
             (None, None) => Err(Error::new(at, format!("when does the clock tick? {KINDS}"))),
             (None, Some(interval)) => {
                 let shift = self.value("shift").map(|shift| span(shift, root)).transpose()?;
                 let shift = option(&shift);
-                Ok((quote!(#root::Timing::periodic(#interval, #shift)), false))
+                Ok((quote!(#root::Timing::periodic(#interval, #shift, #root::Setting::#setting)), false))
             }
             (Some("changing"), Some(interval)) => Ok((quote!(#root::Timing::Changing(#interval)), true)),
             (Some("changing"), None) => {

@@ -1,7 +1,10 @@
 //! Clocks of FMI 3.0: parts of a discrete-time model that run when their clocks tick.
 
+use std::ops::Range;
+
 use crate::discrete_state::{Word, Words};
 use crate::model::Discrete;
+use crate::store::ValueStore;
 use crate::timeline::slack;
 use crate::variable::{Kind, Layout, Role};
 
@@ -42,6 +45,18 @@ impl Span {
             Self::Fraction(counter, resolution) => counter as f64 / resolution as f64,
         }
     }
+
+    /// Two words from which [`Self::of`] makes the same length. The denominator of a fraction is not 0.
+    pub(crate) const fn words(self) -> [u64; 2] {
+        match self {
+            Self::Decimal(seconds) => [seconds.to_bits(), 0],
+            Self::Fraction(counter, resolution) => [counter, resolution],
+        }
+    }
+
+    const fn of([number, resolution]: [u64; 2]) -> Self {
+        if resolution == 0 { Self::Decimal(f64::from_bits(number)) } else { Self::Fraction(number, resolution) }
+    }
 }
 
 /// The interval of an input clock.
@@ -53,6 +68,17 @@ pub enum Interval {
     Of(&'static str),
 }
 
+/// When the importer may set interval and shift of a periodic clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setting {
+    /// Never.
+    Never,
+    /// In Initialization Mode.
+    Fixed,
+    /// In Initialization Mode; the interval also later.
+    Tunable,
+}
+
 /// When an input clock ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Timing {
@@ -62,6 +88,8 @@ pub enum Timing {
         interval: Interval,
         /// Time of the first tick after the start.
         shift: Span,
+        /// When the importer may set them.
+        setting: Setting,
     },
     /// At intervals that the model chooses at each tick. The first tick is one interval after the start.
     Changing(Interval),
@@ -74,7 +102,7 @@ pub enum Timing {
 impl Timing {
     /// A periodic clock. Two fractions get the same denominator, because an FMI clock has only one; a number and a
     /// fraction are both written as numbers.
-    pub const fn periodic(interval: Interval, shift: Option<Span>) -> Self {
+    pub const fn periodic(interval: Interval, shift: Option<Span>, setting: Setting) -> Self {
         let (interval, shift) = match (interval, shift) {
             (Interval::Constant(Span::Fraction(counter, resolution)), None) => {
                 (Span::Fraction(counter, resolution), Span::Fraction(0, resolution))
@@ -96,10 +124,35 @@ impl Timing {
                     Some(shift) => shift.seconds(),
                     None => 0.0,
                 });
-                return Self::Periodic { interval, shift };
+                return Self::Periodic { interval, shift, setting };
             }
         };
-        Self::Periodic { interval: Interval::Constant(interval), shift }
+        Self::Periodic { interval: Interval::Constant(interval), shift, setting }
+    }
+
+    /// Interval and shift that hold if the importer does not set them; `None` if it cannot.
+    const fn settable(self) -> Option<(Span, Span)> {
+        match self {
+            Self::Periodic { setting: Setting::Never, .. } => None,
+            Self::Periodic { interval: Interval::Constant(interval), shift, .. } => Some((interval, shift)),
+            _ => None,
+        }
+    }
+
+    /// The words with interval and shift, if the importer may set them: part of the values of an instance, so that saved
+    /// states contain them.
+    pub(crate) fn words(self) -> Option<[u64; Self::WORDS]> {
+        let (interval, shift) = self.settable()?;
+        let ([a, b], [c, d]) = (interval.words(), shift.words());
+        Some([a, b, c, d])
+    }
+
+    /// Number of [`Self::words`], if there are any.
+    pub(crate) const WORDS: usize = 4;
+
+    /// Returns true if the importer may set interval and shift.
+    pub(crate) const fn is_settable(self) -> bool {
+        self.settable().is_some()
     }
 
     pub(crate) const fn interval(self) -> Option<Interval> {
@@ -243,6 +296,25 @@ pub struct Schedule {
     pub(crate) present: (f64, f64),
 }
 
+/// The words with interval and shift of a clock, if the importer may set them.
+pub(crate) fn settable(clocks: &[InputClock], clock: usize, layout: &Layout) -> Option<Range<usize>> {
+    let is_settable = |clock: &&InputClock| clock.timing.is_settable();
+    let first = layout.clocks.at.words + Timing::WORDS * clocks[..clock].iter().filter(is_settable).count();
+    is_settable(&&clocks[clock]).then(|| first..first + Timing::WORDS)
+}
+
+/// A clock, with the interval and the shift that the importer has set.
+pub(crate) fn present(clocks: &[InputClock], clock: usize, layout: &Layout, values: &ValueStore) -> InputClock {
+    let mut present = clocks[clock];
+    if let (Some(words), Timing::Periodic { interval, shift, .. }) =
+        (settable(clocks, clock, layout), &mut present.timing)
+    {
+        let words = &values.words[words];
+        (*interval, *shift) = (Interval::Constant(Span::of([words[0], words[1]])), Span::of([words[2], words[3]]));
+    }
+    present
+}
+
 impl Schedule {
     /// No tick.
     pub const NONE: Self = Self {
@@ -299,11 +371,15 @@ impl Schedule {
         let passed = time - self.last;
         self.last = time;
         match timing {
-            Timing::Periodic { interval: Interval::Constant(Span::Fraction(counter, resolution)), shift } => {
+            Timing::Periodic { interval: Interval::Constant(Span::Fraction(counter, resolution)), shift, .. } => {
                 self.count += 1;
-                let offset = if let Span::Fraction(offset, _) = shift { offset } else { 0 };
+                // The importer may set a shift with another denominator.
+                let (offset, rest) = match shift {
+                    Span::Fraction(offset, of) if of == resolution => (offset, 0.0),
+                    shift => (0, shift.seconds()),
+                };
                 let counters = u128::from(offset) + u128::from(self.count) * u128::from(counter);
-                self.next = self.base + counters as f64 / resolution as f64;
+                self.next = self.base + rest + counters as f64 / resolution as f64;
                 self.interval
             }
             Timing::Periodic { shift, .. } => {
@@ -377,11 +453,11 @@ impl Schedule {
 }
 
 /// The interval of a clock in s. Fails if the parameter that determines it is not above 0.
-fn interval_of(clock: &InputClock, layout: &Layout, reals: &[f64]) -> Result<f64, String> {
+fn interval_of(clock: &InputClock, layout: &Layout, values: &ValueStore) -> Result<f64, String> {
     let (value, name) = match clock.timing.interval() {
-        Some(Interval::Constant(span)) => return Ok(span.seconds()),
+        Some(Interval::Constant(span)) => (span.seconds(), "interval"),
         // The description checks the name.
-        Some(Interval::Of(name)) => (parameter(layout, name).map_or(f64::INFINITY, |index| reals[index]), name),
+        Some(Interval::Of(name)) => (parameter(layout, name).map_or(f64::INFINITY, |index| values.reals[index]), name),
         None => return Ok(f64::INFINITY),
     };
     if value > 0.0 {
@@ -399,34 +475,41 @@ pub(crate) fn parameter(layout: &Layout, name: &str) -> Option<usize> {
 }
 
 /// The schedules at the start.
-pub(crate) fn first<M: Clocked>(layout: &Layout, reals: &[f64], start: f64) -> Result<M::Schedules, String> {
+pub(crate) fn first<M: Clocked>(layout: &Layout, values: &ValueStore, start: f64) -> Result<M::Schedules, String> {
     let mut schedules = M::no_schedules();
-    for (schedule, clock) in schedules.as_mut().iter_mut().zip(M::CLOCKS) {
-        *schedule = Schedule::new(clock.timing, start, interval_of(clock, layout, reals)?);
+    for (number, schedule) in schedules.as_mut().iter_mut().enumerate() {
+        let clock = present(M::CLOCKS, number, layout, values);
+        *schedule = Schedule::new(clock.timing, start, interval_of(&clock, layout, values)?);
     }
     Ok(schedules)
 }
 
-/// Takes over the present values of the parameters that are intervals.
+/// Takes over the present values of intervals that are parameters or that the importer sets.
 pub(crate) fn update_intervals<M: Clocked>(
     schedules: &mut [Schedule],
     layout: &Layout,
-    reals: &[f64],
+    values: &ValueStore,
     time: f64,
 ) -> Result<(), String> {
-    for (schedule, clock) in schedules.iter_mut().zip(M::CLOCKS) {
-        if let Timing::Periodic { interval: Interval::Of(_), shift } = clock.timing {
-            schedule.set_interval(shift, interval_of(clock, layout, reals)?, time);
+    for (number, schedule) in schedules.iter_mut().enumerate() {
+        let clock = present(M::CLOCKS, number, layout, values);
+        if let Timing::Periodic { shift, .. } = clock.timing {
+            schedule.set_interval(shift, interval_of(&clock, layout, values)?, time);
         }
     }
     Ok(())
 }
 
 /// Moves the schedules of the active clocks on to their next ticks, at an event at `time`. A bit for each active clock.
-pub(crate) fn advance<M: Clocked>(schedules: &mut [Schedule], active: u64, time: f64) {
+pub(crate) fn advance<M: Clocked>(
+    schedules: &mut [Schedule],
+    layout: &Layout,
+    values: &ValueStore,
+    (active, time): (u64, f64),
+) {
     for (clock, schedule) in schedules.iter_mut().enumerate().filter(|(clock, _)| active >> clock & 1 != 0) {
-        let due = schedule.due(time);
-        schedule.present = (due, schedule.advance(M::CLOCKS[clock].timing, due));
+        let (due, timing) = (schedule.due(time), present(M::CLOCKS, clock, layout, values).timing);
+        schedule.present = (due, schedule.advance(timing, due));
         schedule.deviation = (time - due).abs();
     }
 }
@@ -448,7 +531,7 @@ mod tests {
     #[test]
     fn fractions_meet_at_the_same_numbers() {
         let ticks = |interval| {
-            let timing = Timing::periodic(Interval::Constant(interval), None);
+            let timing = Timing::periodic(Interval::Constant(interval), None, Setting::Never);
             let mut schedule = Schedule::new(timing, 0.0, interval.seconds());
             std::iter::from_fn(move || {
                 let next = schedule.next;
@@ -466,21 +549,21 @@ mod tests {
 
     #[test]
     fn interval_and_shift_get_a_common_denominator() {
-        let timing = Timing::periodic(Interval::Constant(Span::Fraction(1, 4)), Some(Span::Fraction(1, 6)));
-        let expected =
-            Timing::Periodic { interval: Interval::Constant(Span::Fraction(3, 12)), shift: Span::Fraction(2, 12) };
-        assert_eq!(timing, expected);
-        let timing = Timing::periodic(Interval::Constant(Span::Fraction(1, 4)), Some(Span::Decimal(0.5)));
-        let expected =
-            Timing::Periodic { interval: Interval::Constant(Span::Decimal(0.25)), shift: Span::Decimal(0.5) };
-        assert_eq!(timing, expected);
+        let setting = Setting::Fixed;
+        let quarter = Interval::Constant(Span::Fraction(1, 4));
+        let timing = Timing::periodic(quarter, Some(Span::Fraction(1, 6)), setting);
+        let interval = Interval::Constant(Span::Fraction(3, 12));
+        assert_eq!(timing, Timing::Periodic { interval, shift: Span::Fraction(2, 12), setting });
+        let timing = Timing::periodic(quarter, Some(Span::Decimal(0.5)), setting);
+        let interval = Interval::Constant(Span::Decimal(0.25));
+        assert_eq!(timing, Timing::Periodic { interval, shift: Span::Decimal(0.5), setting });
     }
 
     /// FMI 3.0, section 2.2.8: t_i = t_(i-1) + the interval that is valid then.
     #[test]
     fn a_changed_interval_counts_from_the_last_tick() {
         let shift = Span::Decimal(0.5);
-        let timing = Timing::periodic(Interval::Of("sample_time"), Some(shift));
+        let timing = Timing::periodic(Interval::Of("sample_time"), Some(shift), Setting::Never);
         let mut schedule = Schedule::new(timing, 10.0, 1.0);
         schedule.set_interval(shift, 2.0, 10.2);
         assert_eq!(schedule.next, 10.5, "the first tick stays");

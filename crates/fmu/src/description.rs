@@ -686,7 +686,7 @@ mod tests {
 
     #[test]
     fn mistakes_in_clocks_are_reported() {
-        use crate::clocks::Span;
+        use crate::clocks::{Setting, Span};
         const CLOCKS: &[InputClock] = &[
             InputClock { name: "fast", description: "D", timing: Timing::Countdown(None), priority: None },
             InputClock {
@@ -727,7 +727,7 @@ mod tests {
         const ZERO: &[InputClock] = &[InputClock {
             name: "zero",
             description: "D",
-            timing: Timing::Periodic { interval: Interval::Constant(Span::Decimal(0.0)), shift: Span::Decimal(0.0) },
+            timing: Timing::periodic(Interval::Constant(Span::Decimal(0.0)), None, Setting::Never),
             priority: None,
         }];
         assert_eq!(

@@ -139,7 +139,7 @@ macro_rules! open {
 pub mod __private {
     pub use crate::abi::Export;
     pub use crate::array::Identity;
-    pub use crate::clocks::{Clocked, InputClock, Interval, NoTimer, Schedule, Span, Timing};
+    pub use crate::clocks::{Clocked, InputClock, Interval, NoTimer, Schedule, Setting, Span, Timing};
     pub use crate::declare::*;
     pub use crate::enumeration::Item;
     pub use crate::number::Size;
@@ -157,7 +157,7 @@ pub mod __private {
 #[cfg(feature = "testing")]
 #[doc(hidden)]
 pub mod testing {
-    open!(abi calls description instance number runner store variable);
+    open!(abi calls clocks description instance number runner store variable);
 }
 
 /// Serialization of a simulation for `#[fmu::model(…, serialize)]`.

@@ -212,7 +212,8 @@ pub trait Model: Sized + 'static {
     fn schedules(_: &mut Self::RunnerState) -> &mut [Schedule] {
         &mut []
     }
-    /// Takes over the present values of the parameters that are intervals. Fails if one is not above 0.
+    /// Takes over the present values of intervals that are parameters or that the importer sets. Fails if one is not
+    /// above 0.
     fn update_intervals(_: Run<'_, Self>) -> Result<(), String> {
         Ok(())
     }

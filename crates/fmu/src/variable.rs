@@ -4,7 +4,7 @@ use std::ops::{Range, RangeInclusive};
 
 use crate::bytes::Buffer;
 use crate::calls::Version;
-use crate::clocks::InputClock;
+use crate::clocks::{InputClock, Timing};
 use crate::declare::hash;
 use crate::enumeration::Item;
 use crate::number::{self, Number as _, Size, is_finite_f32};
@@ -410,7 +410,8 @@ impl Layout {
         let binaries = strings + total.strings;
         let first = Counts { reals: 0, words, booleans, strings, binaries, lengths: () };
         let end = u32::try_from(binaries + total.binaries).expect("fewer than 2^32 variables");
-        let mut positions = vec![0; variables.len()];
+        // Words in which clocks keep their intervals have no variable.
+        let mut positions = vec![usize::MAX; end as usize];
         for (position, variable) in variables.iter_mut().enumerate() {
             let reference = variable.declaration.kind.of(first) + variable.index;
             variable.reference = u32::try_from(reference).expect("below the end");
@@ -609,7 +610,10 @@ impl ValueStore {
                     words.push(*start as u64);
                 }
                 Kind::Boolean { start } => booleans.push(*start),
-                Kind::Clock(_) => booleans.push(false),
+                Kind::Clock(clock) => {
+                    booleans.push(false);
+                    words.extend(clock.and_then(|clock| clock.timing.words()).into_iter().flatten());
+                }
                 Kind::String { start } => strings.push(start.clone()),
                 kind @ Kind::Binary { .. } => binaries.extend(kind.buffer()),
             }
@@ -703,6 +707,9 @@ impl Kind {
         match self {
             Self::Real(_) => Counts::REAL,
             Self::Float32(_) | Self::Integer { .. } => Counts::WORD,
+            Self::Clock(Some(clock)) if clock.timing.is_settable() => {
+                Counts { words: Timing::WORDS, ..Counts::BOOLEAN }
+            }
             Self::Boolean { .. } | Self::Clock(_) => Counts::BOOLEAN,
             Self::String { .. } => Counts::STRING,
             Self::Binary { .. } => Counts::BINARY,

@@ -21,6 +21,7 @@ use super::{
     Call, CallResult, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text,
 };
 use crate::calls::{Function, Interface, Protocol, Version};
+use crate::clocks::Span;
 use crate::description::LOG_CATEGORIES;
 use crate::instance::Instance;
 use crate::number::Number;
@@ -384,16 +385,37 @@ pub unsafe fn get_shift_fraction<E: Export>(
     }
 }
 
-/// Functions that set the timing of a clock.
+/// Functions that set the timing of a clock to numbers in s.
 pub unsafe fn set_timing<E: Export>(
     component: Component,
     function: Function,
     references: *const ValueReference,
     count: size_t,
+    seconds: *const f64,
 ) -> Status {
     unsafe {
         clocks::<E>(component, function, references, count, |instance, call, references| {
-            instance.set_interval(call.0, references)
+            let seconds = call.array("values", seconds, count)?;
+            instance.set_timing(call.0, references, seconds.iter().map(|&seconds| Span::Decimal(seconds)))
+        })
+    }
+}
+
+/// Functions that set the timing of a clock to fractions.
+pub unsafe fn set_timing_fraction<E: Export>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    counters: *const u64,
+    resolutions: *const u64,
+) -> Status {
+    unsafe {
+        clocks::<E>(component, function, references, count, |instance, call, references| {
+            let counters = call.array("counters", counters, count)?;
+            let resolutions = call.array("resolutions", resolutions, count)?;
+            let fractions = counters.iter().zip(resolutions);
+            instance.set_timing(call.0, references, fractions.map(|(&counter, &of)| Span::Fraction(counter, of)))
         })
     }
 }
@@ -609,7 +631,7 @@ macro_rules! c_interface_of_fmi3 {
             unsafe { set_number::<$model, $type>(component, function, vr, n, values, n_values) }
         }
     )*};
-    (@none $target:ident $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
+    (@timing $target:ident $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             component: Component,
@@ -617,7 +639,8 @@ macro_rules! c_interface_of_fmi3 {
             n: size_t
             $(, $argument: $type)*
         ) -> Status {
-            unsafe { $target::<$model>(component, $crate::__private::calls::Function::$function, vr, n) }
+            let function = $crate::__private::calls::Function::$function;
+            unsafe { $target::<$model>(component, function, vr, n $(, $argument)*) }
         }
     )*};
     (@of $interface:ident $model:ty: $($name:ident $target:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
@@ -705,11 +728,13 @@ macro_rules! c_interface_of_fmi3 {
                 fmi3GetInt64 fmi3SetInt64 GetInt64 SetInt64 i64;
                 fmi3GetUInt64 fmi3SetUInt64 GetUInt64 SetUInt64 u64;
             }
-            $crate::c_interface_of_fmi3! { @none set_timing $model:
-                fmi3SetIntervalDecimal SetIntervalDecimal (_intervals: *const f64);
-                fmi3SetIntervalFraction SetIntervalFraction (_counters: *const u64, _resolutions: *const u64);
-                fmi3SetShiftDecimal SetShiftDecimal (_shifts: *const f64);
-                fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
+            $crate::c_interface_of_fmi3! { @timing set_timing $model:
+                fmi3SetIntervalDecimal SetIntervalDecimal (intervals: *const f64);
+                fmi3SetShiftDecimal SetShiftDecimal (shifts: *const f64);
+            }
+            $crate::c_interface_of_fmi3! { @timing set_timing_fraction $model:
+                fmi3SetIntervalFraction SetIntervalFraction (counters: *const u64, resolutions: *const u64);
+                fmi3SetShiftFraction SetShiftFraction (counters: *const u64, resolutions: *const u64);
             }
             $crate::c_interface_of_fmi3! { @of co_simulation $model:
                 fmi3DoStep do_step DoStep (time: f64, step: f64, no_set_before: Boolean, event: *mut Boolean, terminate: *mut Boolean, early: *mut Boolean, last: *mut f64);

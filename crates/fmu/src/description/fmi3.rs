@@ -10,7 +10,7 @@ use super::xml::{
 };
 use super::{Format, xml};
 use crate::calls::Version;
-use crate::clocks::{InputClock, Interval, Span, Timing};
+use crate::clocks::{InputClock, Interval, Setting, Span, Timing};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::store::ValueStore;
 use crate::variable::{Declaration, Kind, Layout, Role, Variable};
@@ -209,7 +209,11 @@ fn clock(xml: &mut Xml, layout: &Layout, variable: &Variable, input: Option<Inpu
     attributes.push(("canBeDeactivated", "true".to_owned()));
     attributes.extend(priority.map(|priority| ("priority", priority.to_string())));
     let variability = match timing {
-        Timing::Periodic { interval: Interval::Constant(_), .. } => "constant",
+        Timing::Periodic { interval: Interval::Constant(_), setting, .. } => match setting {
+            Setting::Never => "constant",
+            Setting::Fixed => "fixed",
+            Setting::Tunable => "tunable",
+        },
         // Importers ask for the interval, because it follows from a parameter.
         Timing::Periodic { interval: Interval::Of(name), .. } => {
             let is_tunable =
@@ -221,7 +225,7 @@ fn clock(xml: &mut Xml, layout: &Layout, variable: &Variable, input: Option<Inpu
         Timing::Triggered => "triggered",
     };
     attributes.push(("intervalVariability", variability.to_owned()));
-    if let Timing::Periodic { interval: Interval::Constant(interval), shift } = timing {
+    if let Timing::Periodic { interval: Interval::Constant(interval), shift, .. } = timing {
         attributes.push(("intervalDecimal", number(interval.seconds())));
         if shift.seconds() != 0.0 {
             attributes.push(("shiftDecimal", number(shift.seconds())));

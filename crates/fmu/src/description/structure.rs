@@ -275,7 +275,7 @@ pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) ->
         has_parameters.then(|| "p".to_owned()).into_iter().chain(ranges).collect::<Vec<_>>().join(" ")
     };
     let line = |(reference, line): (u32, [Vec<u32>; 2])| {
-        let is_shown = layout.by_reference(reference).is_none_or(|variable| variable.is_in(format.version));
+        let is_shown = layout.by_reference(reference).map_or(reference >= layout.end, |v| v.is_in(format.version));
         if is_shown { line.map(text).join(";") } else { String::new() }
     };
     (0..).zip(lines).map(line).collect::<Vec<_>>().join("\n")

@@ -2,7 +2,7 @@
 
 use super::{CallResult, Instance};
 use crate::calls::{Function, Interface, Mode};
-use crate::clocks::{InputClock, Interval, Schedule, Span, Timing};
+use crate::clocks::{self, InputClock, Interval, Schedule, Setting, Span, Timing};
 use crate::runner::{Model, Run};
 use crate::timeline::{Timeline, is_within_tolerance};
 use crate::variable::{Kind, Variable};
@@ -28,11 +28,14 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// The input clock with a reference, with its position among them.
+    /// The input clock with a reference and its present timing, with its position among them.
     fn input_clock(&self, function: Function, reference: u32) -> CallResult<(usize, InputClock)> {
         let variable = self.clock(function, reference)?;
         match variable.declaration.kind {
-            Kind::Clock(Some(clock)) => Ok((variable.index - self.layout().clocks.at.booleans, clock)),
+            Kind::Clock(Some(_)) => {
+                let position = variable.index - self.layout().clocks.at.booleans;
+                Ok((position, clocks::present(M::CLOCKS, position, self.layout(), &self.values)))
+            }
             _ => {
                 let message =
                     format_args!("'{}' is an output clock, which only the model activates", variable.declaration.name);
@@ -144,8 +147,9 @@ impl<M: Model> Instance<M> {
         let is_countdown = matches!(clock.timing, Timing::Countdown(_));
         let qualifier = match schedule.is_new {
             _ if is_countdown && schedule.next.is_infinite() => Qualifier::NotYetKnown,
-            true => Qualifier::Changed,
-            false => Qualifier::Unchanged,
+            // The importer sets the interval of other clocks.
+            true if !clock.timing.is_settable() => Qualifier::Changed,
+            _ => Qualifier::Unchanged,
         };
         // In scheduled execution, an interval counts from the activation that has set it, whatever other threads do.
         let time = self.timeline.time;
@@ -178,10 +182,9 @@ impl<M: Model> Instance<M> {
 
     fn no_fraction(&self, function: Function, reference: u32) -> super::CallError {
         let name = self.layout().by_reference(reference).map_or("", |variable| &variable.declaration.name);
-        self.error(
-            function,
-            format_args!("the interval of the clock '{name}' is no fraction (supportsFraction is false)"),
-        )
+        let what = if function == Function::GetShiftFraction { "shift" } else { "interval" };
+        let message = format_args!("the {what} of the clock '{name}' is not a fraction: use the function for decimals");
+        self.error(function, message)
     }
 
     fn shift_of(&self, function: Function, reference: u32) -> CallResult<Span> {
@@ -209,18 +212,57 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// fmi3SetIntervalDecimal and similar functions: fails for every clock, because no clock leaves its interval to the
-    /// importer.
-    pub fn set_interval(&self, function: Function, references: &[u32]) -> CallResult {
+    /// fmi3SetIntervalDecimal, fmi3SetIntervalFraction, fmi3SetShiftDecimal and fmi3SetShiftFraction. Fails, without
+    /// changes, if a reference is not a clock that leaves its timing to the importer in this mode, if an interval is not
+    /// above 0, if a shift is below 0, or for a fraction if the clock does not support it.
+    pub fn set_timing(
+        &mut self,
+        function: Function,
+        references: &[u32],
+        spans: impl Iterator<Item = Span> + Clone,
+    ) -> CallResult {
         self.check(function)?;
-        let Some(&reference) = references.first() else { return Ok(()) };
-        let (_, clock) = self.input_clock(function, reference)?;
-        let remedy = match clock.timing.interval() {
-            Some(Interval::Of(name)) => format!("set the parameter '{name}' instead"),
-            _ => "the model determines it".to_owned(),
-        };
-        let name = clock.name;
-        Err(self.error(function, format_args!("the timing of the clock '{name}' cannot be set: {remedy}")))
+        let is_shift = matches!(function, Function::SetShiftDecimal | Function::SetShiftFraction);
+        for (&reference, span) in references.iter().zip(spans.clone()) {
+            let (position, InputClock { name, timing, .. }) = self.input_clock(function, reference)?;
+            let (what, seconds) = (if is_shift { "shift" } else { "interval" }, span.seconds());
+            let declared = M::CLOCKS[position].timing;
+            let has_fractions = matches!(declared.interval(), Some(Interval::Constant(Span::Fraction(..))));
+            let problem = match (timing, timing.interval()) {
+                (Timing::Periodic { setting: Setting::Fixed, .. }, _) if !self.is_before_start() => {
+                    "cannot be set after Initialization Mode, because the clock is fixed".to_owned()
+                }
+                (timing, _) if timing.is_settable() => match span {
+                    Span::Fraction(..) if !has_fractions => {
+                        "cannot be set as a fraction (supportsFraction is false)".to_owned()
+                    }
+                    Span::Fraction(counter, 0) => format!("must have a resolution above 0, got {counter}/0"),
+                    _ if is_shift && !(seconds >= 0.0 && seconds.is_finite()) => {
+                        format!("must be finite and at least 0 s, got {seconds} s")
+                    }
+                    _ if !is_shift && !(seconds > 0.0 && seconds.is_finite()) => {
+                        format!("must be finite and above 0 s, got {seconds} s")
+                    }
+                    _ => continue,
+                },
+                (_, Some(Interval::Of(name))) => format!("cannot be set: set the parameter '{name}' instead"),
+                _ => "cannot be set: the model determines it".to_owned(),
+            };
+            return Err(self.error(function, format_args!("the {what} of the clock '{name}' {problem}")));
+        }
+        for (&reference, span) in references.iter().zip(spans) {
+            let (position, _) = self.input_clock(function, reference)?;
+            if let Some(words) = clocks::settable(M::CLOCKS, position, self.layout()) {
+                let at = words.start + if is_shift { 2 } else { 0 };
+                self.values.words[at..at + 2].copy_from_slice(&span.words());
+            }
+        }
+        if self.is_before_start() {
+            // The ticks count from the start.
+            self.run = None;
+        }
+        self.forget_results();
+        Ok(())
     }
 
     /// Rejects access to a clocked variable while its clock is not active (FMI 3.0, section 2.2.8). Without Event Mode,

@@ -36,14 +36,12 @@ pub struct ClockedRun<M: Clocked> {
     /// In Event Mode, after the active clocks were evaluated: what becomes the state at the end of the event, and the
     /// outputs from before.
     evaluated: Option<(Part<M>, M::Outputs)>,
-    /// For each output clock, true if it has ticked in the present step. Used during a step only.
-    fired: Box<[bool]>,
 }
 
 /// A clone has not evaluated the active clocks; its outputs are those of [`Model::restore_outputs`].
 impl<M: Clocked> Clone for ClockedRun<M> {
     fn clone(&self) -> Self {
-        Self { part: self.part.clone(), evaluated: None, fired: self.fired.clone() }
+        Self { part: self.part.clone(), evaluated: None }
     }
 }
 
@@ -63,7 +61,7 @@ impl<M: Clocked> ClockedModel<M> {
         active: u64,
     ) -> Result<(), String> {
         // First, so that a clock that is started at this event ticks at another one.
-        clocks::advance::<M>(part.schedules.as_mut(), active, time);
+        clocks::advance::<M>(part.schedules.as_mut(), ctx.layout, values, (active, time));
         Self::run_parts(ctx, part, values, time, active)
     }
 
@@ -110,6 +108,13 @@ impl<M: Clocked> ClockedModel<M> {
         clocks.fold(0, |all, (number, &index)| all | u128::from(values.booleans[index]) << number)
     }
 
+    /// Lets the output clocks in a result of [`Self::fired`] tick.
+    fn add_fired(layout: &Layout, values: &mut ValueStore, fired: u128) {
+        for (number, &index) in layout.output_clocks.iter().enumerate() {
+            values.booleans[index] |= fired >> number & 1 != 0;
+        }
+    }
+
     /// Deactivates all output clocks.
     fn clear(layout: &Layout, values: &mut ValueStore) {
         layout.output_clocks.iter().for_each(|&index| values.booleans[index] = false);
@@ -129,16 +134,14 @@ impl<M: Clocked> ClockedModel<M> {
     fn run_ticks(run: Run<'_, Self>, end: f64, step: f64) -> Result<Part<M>, String> {
         let Run { ctx, run, values } = run;
         let mut part = run.part.clone();
-        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
+        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         let (mut all, mut at_once, mut last) = (0.0, 0, f64::NEG_INFINITY);
-        run.fired.fill(false);
+        let mut fired = 0;
         loop {
             let next = Self::next_tick(part.schedules.as_ref());
             let shortest = part.schedules.as_ref().iter().fold(step, |shortest, s| shortest.min(s.interval));
             if next >= end - slack(shortest, end) {
-                for (&index, &has_fired) in ctx.layout.output_clocks.iter().zip(&run.fired) {
-                    values.booleans[index] = has_fired;
-                }
+                Self::add_fired(ctx.layout, values, fired);
                 return Ok(part);
             }
             at_once = if next > last { 1 } else { at_once + 1 };
@@ -154,9 +157,7 @@ impl<M: Clocked> ClockedModel<M> {
             // An output clock ticks at one event, although the importer sees that it has ticked in the step.
             Self::clear(ctx.layout, values);
             Self::tick(&ctx, &mut part, values, next, active)?;
-            for (&index, has_fired) in ctx.layout.output_clocks.iter().zip(&mut run.fired) {
-                *has_fired |= values.booleans[index];
-            }
+            fired |= Self::fired(ctx.layout, values);
         }
     }
 }
@@ -194,9 +195,8 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<ClockedRun<M>, String> {
-        let schedules = clocks::first::<M>(ctx.layout, &values.reals, ctx.time)?;
-        let fired = vec![false; ctx.layout.output_clocks.len()].into();
-        Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None, fired })
+        let schedules = clocks::first::<M>(ctx.layout, values, ctx.time)?;
+        Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None })
     }
 
     fn parts(_: &Layout, _: &ValueStore, _: Step) -> f64 {
@@ -204,13 +204,13 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
-        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)
+        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, values, ctx.time)
     }
 
     fn activate(Run { ctx, run, values }: Run<'_, Self>, clock: usize, time: f64) -> Result<bool, String> {
         Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values })?;
         let mut part = run.part.clone();
-        part.schedules.as_mut()[clock].activate(&M::CLOCKS[clock], time)?;
+        part.schedules.as_mut()[clock].activate(&clocks::present(M::CLOCKS, clock, ctx.layout, values), time)?;
         let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
         // Ticks of output clocks that the importer has not asked for.
         let unread = Self::fired(ctx.layout, values);
@@ -218,9 +218,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
         Self::run_parts(&ctx, &mut part, values, time, 1 << clock)
             .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
         let fired = Self::fired(ctx.layout, values);
-        for (number, &index) in ctx.layout.output_clocks.iter().enumerate() {
-            values.booleans[index] |= unread >> number & 1 != 0;
-        }
+        Self::add_fired(ctx.layout, values, unread);
         let mut schedules = part.schedules.as_ref().iter().zip(run.part.schedules.as_ref()).zip(M::CLOCKS);
         let is_started = schedules.any(|((now, before), clock)| {
             matches!(clock.timing, Timing::Countdown(_)) && now.is_new && now.next.is_finite() && now != before
@@ -293,7 +291,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         Self::evaluate_clocks(Run { ctx, run, values })?;
         let part = run.evaluated.as_mut().map_or(&mut run.part, |(part, _)| part);
-        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, &values.reals, ctx.time)?;
+        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         if let Some((part, _)) = run.evaluated.take() {
             run.part = part;
         }

@@ -328,13 +328,14 @@ fn intervals_and_shifts_can_be_read() {
     let message = error_of(fmu.0.interval_fraction(of("slow")));
     assert_eq!(
         message,
-        "fmi3GetIntervalFraction: the interval of the clock 'slow' is no fraction (supportsFraction is false)"
+        "fmi3GetIntervalFraction: the interval of the clock 'slow' is not a fraction: use the function for decimals"
     );
     let function = fmu::testing::calls::Function::SetIntervalDecimal;
-    let message = error_of(fmu.0.set_interval(function, &[of("slow")]));
+    let span = fmu::testing::clocks::Span::Decimal(1.0);
+    let message = error_of(fmu.0.set_timing(function, &[of("slow")], std::iter::once(span)));
     assert_eq!(
         message,
-        "fmi3SetIntervalDecimal: the timing of the clock 'slow' cannot be set: set the parameter 'slow_time' instead"
+        "fmi3SetIntervalDecimal: the interval of the clock 'slow' cannot be set: set the parameter 'slow_time' instead"
     );
     // A tunable parameter changes the interval. The next tick is one new interval after the last one.
     fmu.0.new_discrete_states().unwrap();

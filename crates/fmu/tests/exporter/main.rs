@@ -26,6 +26,7 @@ mod numbers;
 mod one_version;
 mod resources;
 mod scheduled;
+mod settable_clocks;
 mod sizes;
 mod solvers;
 mod sources;
