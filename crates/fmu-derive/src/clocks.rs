@@ -1,4 +1,5 @@
-//! Methods with `#[clock(…)]` in `impl Discrete for …`: the parts of the model that run when their clocks tick.
+//! Methods with `#[clock(…)]` in `impl Discrete for …` and `impl Continuous for …`: the parts of the model that run when
+//! their clocks tick.
 
 use proc_macro2::{Ident, Span, TokenStream};
 use quote::{format_ident, quote, quote_spanned};
@@ -11,6 +12,7 @@ use syn::{
 
 use crate::attribute::{doc, literal, ungrouped};
 use crate::errors::Errors;
+use crate::forgotten::Kind;
 
 const KINDS: &str = "expected one of `interval = 0.01` (or `1 / 100`), `interval_of = \"sample_time\"`, `changing`, \
                      `countdown`, `triggered`";
@@ -211,12 +213,17 @@ fn is_clock(attribute: &Attribute) -> bool {
 pub(crate) fn lift(
     items: &mut Vec<ImplItem>,
     model: &Type,
+    kind: Kind,
     root: &TokenStream,
     errors: &mut Errors,
 ) -> Option<TokenStream> {
     let is_partition = |item: &ImplItem| matches!(item, ImplItem::Fn(method) if method.attrs.iter().any(is_clock));
     let methods: Vec<_> = items.extract_if(.., |item| is_partition(item)).collect();
     if methods.is_empty() {
+        if kind == Kind::Continuous {
+            items
+                .push(ImplItem::Verbatim(quote!(type Schedules = [#root::Schedule; 0]; type Timers = #root::NoTimer;)));
+        }
         return None;
     }
     let mut partitions = Vec::new();
@@ -227,6 +234,7 @@ pub(crate) fn lift(
     }
     for item in items.iter() {
         if let ImplItem::Fn(function) = item
+            && kind == Kind::Discrete
             && (function.sig.ident == "update" || function.sig.ident == "start")
         {
             let name = &function.sig.ident;
@@ -238,13 +246,25 @@ pub(crate) fn lift(
     if let Some(last) = partitions.get(MOST) {
         errors.add(Error::new_spanned(&last.method.sig.ident, format!("a model can have at most {MOST} input clocks")));
     }
+    let (code, members) = implementation(&partitions, model, root);
+    if kind == Kind::Continuous {
+        items.push(ImplItem::Verbatim(members));
+        return Some(quote! {
+            #code
+            impl #root::Ticking for #model { type Of<'a> = #root::ContinuousTick<'a, Self>; }
+        });
+    }
     items.retain(|item| !matches!(item, ImplItem::Fn(function) if function.sig.ident == "update"));
     items.push(parse_quote! {
         fn update(&self, _: #root::Sample<'_, Self>) -> Self::Outputs {
             ::core::unreachable!("the clocks compute the outputs")
         }
     });
-    Some(implementation(&partitions, model, root))
+    Some(quote! {
+        #code
+        impl #root::Ticking for #model { type Of<'a> = #root::DiscreteTick<'a, Self>; }
+        impl #root::Clocked for #model { #members }
+    })
 }
 
 fn partition(mut method: ImplItemFn, root: &TokenStream) -> Result<Partition> {
@@ -273,7 +293,8 @@ fn partition(mut method: ImplItemFn, root: &TokenStream) -> Result<Partition> {
     Ok(Partition { method, name, description, timing, is_timer, priority })
 }
 
-fn implementation(partitions: &[Partition], model: &Type, root: &TokenStream) -> TokenStream {
+/// The methods with the enum of the clocks that they can start, and the members of a trait with clocks.
+fn implementation(partitions: &[Partition], model: &Type, root: &TokenStream) -> (TokenStream, TokenStream) {
     let methods = partitions.iter().map(|partition| &partition.method);
     let clocks = partitions.iter().map(|Partition { name, description, timing, priority, .. }| {
         quote!(#root::InputClock { name: #name, description: #description, timing: #timing, priority: #priority })
@@ -315,21 +336,17 @@ fn implementation(partitions: &[Partition], model: &Type, root: &TokenStream) ->
         };
         (quote!(#timer), declaration)
     };
-    quote! {
-        impl #model { #(#methods)* }
-        #declaration
-        impl #root::Clocked for #model {
-            const CLOCKS: &'static [#root::InputClock] = &[#(#clocks),*];
-            type Schedules = [#root::Schedule; #count];
-            type Timers = #timer;
-            fn no_schedules() -> Self::Schedules { [#root::Schedule::NONE; #count] }
-            #[inline]
-            fn tick(&self, clock: usize, tick: #root::Tick<'_, Self>) {
-                match clock {
-                    #(#calls)*
-                    _ => {}
-                }
+    let members = quote! {
+        const CLOCKS: &'static [#root::InputClock] = &[#(#clocks),*];
+        type Schedules = [#root::Schedule; #count];
+        type Timers = #timer;
+        #[inline]
+        fn tick(&self, clock: usize, tick: #root::Tick<'_, Self>) {
+            match clock {
+                #(#calls)*
+                _ => {}
             }
         }
-    }
+    };
+    (quote!(impl #model { #(#methods)* } #declaration), members)
 }

@@ -67,8 +67,9 @@ derives! {
 /// experiment, in s. Author, license, version and homepage come from the manifest of the package. Leave out inputs,
 /// outputs and derived parameters that the model does not have.
 ///
-/// A method with `#[clock(…)]` in `impl Discrete for …` runs when its input clock ticks (FMI 3.0): `interval = 1 / 100`,
-/// `interval_of = "sample_time"`, both with `shift = 0.5`; `changing, interval = 0.1`; `countdown`; or `triggered`.
+/// A method with `#[clock(…)]` in `impl Discrete for …` or `impl Continuous for …` runs when its input clock ticks (FMI
+/// 3.0): `interval = 1 / 100`, which an importer can set if the clock is also `fixed` or `tunable`; `interval_of =
+/// "sample_time"`; both with `shift = 0.5`; `changing, interval = 0.1`; `countdown`; or `triggered`.
 ///
 /// More keys: `name = "…"` sets another name for the FMU, `solver = …` selects a `fmu::Solver`, `serialize` serializes
 /// the state of a stateful model with serde, and `crate = path` is the path of the crate `fmu` if the dependency is

@@ -133,10 +133,11 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         }
     };
     let clocks = match kind {
-        Kind::Discrete => clocks::lift(&mut block.items, &block.self_ty, &root, errors),
-        _ => None,
+        Kind::Stateful => None,
+        _ => clocks::lift(&mut block.items, &block.self_ty, kind, &root, errors),
     };
-    let runner = if clocks.is_some() { quote!(ClockedModel) } else { runner };
+    let is_clocked = kind == Kind::Discrete && clocks.is_some();
+    let runner = if is_clocked { quote!(ClockedModel) } else { runner };
     forgotten::complete(&mut block.items, kind, &root, errors);
     let declared = block.items.clone();
     if kind == Kind::Continuous {
@@ -230,7 +231,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         block.items.push(info);
     }
     if errors.is_empty() {
-        let has_exchange = kind != Kind::Stateful && clocks.is_none();
+        let has_exchange = kind != Kind::Stateful && !is_clocked;
         let export = export(&block.self_ty, &root, &runner, has_exchange);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
@@ -331,12 +332,12 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     let model = &block.self_ty;
     let names = quote!(#root::NamesOf::<#model>::NAMES);
     let mut structs = vec![(model.span(), names)];
-    for name in ["Derived", "Inputs", "Outputs", "State"] {
+    for name in ["Derived", "Inputs", "Outputs", "State", "DiscreteState"] {
         if let Some(item) = associated_type(&block.items, name) {
             let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
             let of = match (name, kind) {
                 ("Derived", _) => "NamesOfDerived",
-                ("State", Kind::Discrete | Kind::Stateful) => "NamesOfDiscreteState",
+                ("State", Kind::Discrete) | ("DiscreteState", _) => "NamesOfDiscreteState",
                 _ => "NamesOf",
             };
             let of = Ident::new(of, Span::call_site());

@@ -1,9 +1,11 @@
-//! Clocks of FMI 3.0: parts of a discrete-time model that run when their clocks tick.
+//! Clocks of FMI 3.0: parts of a model that run when their clocks tick.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use crate::discrete_state::{Word, Words};
-use crate::model::Discrete;
+use crate::model::{Continuous, Discrete};
+use crate::runner::MOST_PARTS;
 use crate::store::ValueStore;
 use crate::timeline::slack;
 use crate::variable::{Kind, Layout, Role};
@@ -93,7 +95,7 @@ pub enum Timing {
     },
     /// At intervals that the model chooses at each tick. The first tick is one interval after the start.
     Changing(Interval),
-    /// When the model has started it with [`Tick::start`]; with an interval, also once after the start.
+    /// When the model has started it with [`TickOf::start`]; with an interval, also once after the start.
     Countdown(Option<Interval>),
     /// When the importer activates it.
     Triggered,
@@ -209,15 +211,54 @@ pub trait Clocked: Discrete<Outputs: Send> {
     /// The input clocks, in the order of the methods.
     const CLOCKS: &'static [InputClock];
     /// A schedule per input clock.
-    type Schedules: AsRef<[Schedule]> + AsMut<[Schedule]> + Clone + Send + 'static;
-    /// The clocks that [`Tick::start`] can start.
+    type Schedules: Schedules;
+    /// The clocks that [`TickOf::start`] can start.
     type Timers: Into<usize>;
 
-    /// Schedules without ticks.
-    fn no_schedules() -> Self::Schedules;
     /// Runs the method of the input clock with this position in [`Self::CLOCKS`].
-    fn tick(&self, clock: usize, tick: Tick<'_, Self>);
+    fn tick(&self, clock: usize, tick: DiscreteTick<'_, Self>);
 }
+
+/// A schedule per input clock.
+pub trait Schedules: AsRef<[Schedule]> + AsMut<[Schedule]> + Clone + Send + 'static {
+    /// Schedules without ticks.
+    const NONE: Self;
+}
+
+impl<const N: usize> Schedules for [Schedule; N] {
+    const NONE: Self = [Schedule::NONE; N];
+}
+
+/// A model with clocks. [`model`](macro@crate::model) implements it.
+pub trait Ticking {
+    /// See [`Tick`].
+    type Of<'a>;
+}
+
+/// The tick of a clock: what the method with `#[clock(…)]` of the model `M` reads and changes. See [`TickOf`].
+pub type Tick<'a, M> = <M as Ticking>::Of<'a>;
+
+/// The tick of a clock in a discrete-time model.
+pub type DiscreteTick<'a, M> = TickOf<
+    'a,
+    <M as Discrete>::State,
+    <M as Discrete>::Inputs,
+    <M as Discrete>::Outputs,
+    <M as Discrete>::Derived,
+    (),
+    <M as Clocked>::Timers,
+>;
+
+/// The tick of a clock in a continuous-time model.
+pub type ContinuousTick<'a, M> = TickOf<
+    'a,
+    <M as Continuous>::DiscreteState,
+    <M as Continuous>::Inputs<f64>,
+    (),
+    <M as Continuous>::Derived,
+    <M as Continuous>::State<f64>,
+    <M as Continuous>::Timers,
+>;
 
 /// A model without clocks that it can start.
 #[derive(Clone, Copy, Debug)]
@@ -231,21 +272,26 @@ impl From<NoTimer> for usize {
 
 /// The tick of a clock: what the method with `#[clock(…)]` reads and changes.
 #[derive(Debug)]
-pub struct Tick<'a, M: Clocked> {
+pub struct TickOf<'a, State, Inputs, Outputs, Derived, Continuous, Timers> {
     /// Time in s.
     pub time: f64,
     /// Time in s since the last tick of this clock, or since the start; for a periodic clock, its interval.
     pub interval: f64,
     /// Discrete state; may be changed.
-    pub state: &'a mut M::State,
+    pub state: &'a mut State,
     /// Inputs.
-    pub inputs: &'a M::Inputs,
-    /// Outputs, with their present values; may be changed.
-    pub outputs: &'a mut M::Outputs,
+    pub inputs: &'a Inputs,
+    /// Outputs of a discrete-time model, with their present values; may be changed. Those of a continuous-time model
+    /// follow from its states.
+    pub outputs: &'a mut Outputs,
     /// Derived parameters.
-    pub derived: &'a M::Derived,
+    pub derived: &'a Derived,
+    /// State of a continuous-time model; may be changed.
+    pub continuous: &'a mut Continuous,
     pub(crate) schedules: &'a mut [Schedule],
-    /// Position of this clock in [`Clocked::CLOCKS`].
+    pub(crate) clocks: &'static [InputClock],
+    pub(crate) timers: PhantomData<Timers>,
+    /// Position of this clock in `clocks`.
     pub(crate) clock: usize,
     /// Time of the event in s. With an importer that activates the clocks, it may differ from `time` by rounding
     /// errors.
@@ -253,13 +299,13 @@ pub struct Tick<'a, M: Clocked> {
     pub(crate) fault: &'a mut Option<String>,
 }
 
-impl<M: Clocked> Tick<'_, M> {
+impl<S, I, O, D, X, Timers: Into<usize>> TickOf<'_, S, I, O, D, X, Timers> {
     /// Lets a `countdown` clock, or a `changing` clock at its own tick, tick next in `after` s, instead of a tick that
     /// was started before. The step fails if `after` is negative or not finite, or at a tick of another clock than the
     /// `changing` one.
-    pub fn start(&mut self, clock: M::Timers, after: f64) {
+    pub fn start(&mut self, clock: Timers, after: f64) {
         let clock = clock.into();
-        let InputClock { name, timing, .. } = M::CLOCKS[clock];
+        let InputClock { name, timing, .. } = self.clocks[clock];
         let time = self.time;
         if !(after >= 0.0 && after.is_finite()) {
             *self.fault =
@@ -475,24 +521,30 @@ pub(crate) fn parameter(layout: &Layout, name: &str) -> Option<usize> {
 }
 
 /// The schedules at the start.
-pub(crate) fn first<M: Clocked>(layout: &Layout, values: &ValueStore, start: f64) -> Result<M::Schedules, String> {
-    let mut schedules = M::no_schedules();
+pub(crate) fn first<S: Schedules>(
+    clocks: &[InputClock],
+    layout: &Layout,
+    values: &ValueStore,
+    start: f64,
+) -> Result<S, String> {
+    let mut schedules = S::NONE;
     for (number, schedule) in schedules.as_mut().iter_mut().enumerate() {
-        let clock = present(M::CLOCKS, number, layout, values);
+        let clock = present(clocks, number, layout, values);
         *schedule = Schedule::new(clock.timing, start, interval_of(&clock, layout, values)?);
     }
     Ok(schedules)
 }
 
 /// Takes over the present values of intervals that are parameters or that the importer sets.
-pub(crate) fn update_intervals<M: Clocked>(
+pub(crate) fn update_intervals(
+    clocks: &[InputClock],
     schedules: &mut [Schedule],
     layout: &Layout,
     values: &ValueStore,
     time: f64,
 ) -> Result<(), String> {
     for (number, schedule) in schedules.iter_mut().enumerate() {
-        let clock = present(M::CLOCKS, number, layout, values);
+        let clock = present(clocks, number, layout, values);
         if let Timing::Periodic { shift, .. } = clock.timing {
             schedule.set_interval(shift, interval_of(&clock, layout, values)?, time);
         }
@@ -501,17 +553,56 @@ pub(crate) fn update_intervals<M: Clocked>(
 }
 
 /// Moves the schedules of the active clocks on to their next ticks, at an event at `time`. A bit for each active clock.
-pub(crate) fn advance<M: Clocked>(
+pub(crate) fn advance(
+    clocks: &[InputClock],
     schedules: &mut [Schedule],
     layout: &Layout,
     values: &ValueStore,
     (active, time): (u64, f64),
 ) {
     for (clock, schedule) in schedules.iter_mut().enumerate().filter(|(clock, _)| active >> clock & 1 != 0) {
-        let (due, timing) = (schedule.due(time), present(M::CLOCKS, clock, layout, values).timing);
+        let (due, timing) = (schedule.due(time), present(clocks, clock, layout, values).timing);
         schedule.present = (due, schedule.advance(timing, due));
         schedule.deviation = (time - due).abs();
     }
+}
+
+/// The active input clocks: a bit for each.
+pub(crate) fn active(layout: &Layout, values: &ValueStore) -> u64 {
+    let flags = values.booleans[layout.clocks.booleans()].iter().enumerate();
+    flags.fold(0, |all, (clock, &is_active)| all | u64::from(is_active) << clock)
+}
+
+/// The clocks that are due at `time`: a bit for each.
+pub(crate) fn due(schedules: &[Schedule], time: f64) -> u64 {
+    let due = schedules.iter().enumerate().filter(|(_, schedule)| schedule.is_due(time));
+    due.fold(0, |all, (clock, _)| all | 1 << clock)
+}
+
+/// Time of the next tick in s, infinite if none is known; and the shortest interval in s, at most `step`.
+pub(crate) fn next(schedules: &[Schedule], step: f64) -> (f64, f64) {
+    let both =
+        |(next, shortest): (f64, f64), schedule: &Schedule| (next.min(schedule.next), shortest.min(schedule.interval));
+    schedules.iter().fold((f64::INFINITY, step), both)
+}
+
+/// The message if a clock that the importer activates is due before `end`, the end of a step of `step` s.
+pub(crate) fn missed(clocks: &[InputClock], schedules: &[Schedule], end: f64, step: f64) -> Option<String> {
+    let is_missed =
+        |schedule: &Schedule| schedule.next < end - slack(step.min(schedule.interval), end) - schedule.deviation;
+    let (clock, schedule) = clocks.iter().zip(schedules).find(|(_, schedule)| is_missed(schedule))?;
+    Some(format!(
+        "the clock '{}' ticks at {} s: end the step there, and activate the clock in Event Mode",
+        clock.name, schedule.next
+    ))
+}
+
+/// Maximum number of ticks of aperiodic clocks at one time.
+pub(crate) const MOST_AT_ONCE: u32 = 100;
+
+#[cold]
+pub(crate) fn too_often(time: f64) -> String {
+    format!("a clock ticks too often: more than {MOST_AT_ONCE} times at {time} s, or {MOST_PARTS} times in a step")
 }
 
 pub(crate) fn save(schedules: &[Schedule], sink: &mut dyn FnMut(Word<'_>)) {

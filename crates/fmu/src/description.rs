@@ -93,7 +93,8 @@ impl Description {
     /// Like [`Self::of`], but returns an error instead of panicking. Also fails if the FMI version cannot express a
     /// variable.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
-        let is_scheduled = format.version == Version::Fmi3 && format.interfaces.scheduled_execution;
+        let is_scheduled =
+            format.version == Version::Fmi3 && format.interfaces.scheduled_execution && M::KIND == ModelKind::Discrete;
         let mut unordered = M::CLOCKS.iter().filter(|clock| is_scheduled && clock.priority.is_none());
         let without_priority = unordered.next().map(|InputClock { name, .. }| {
             format!("scheduled execution needs the `priority` of every clock: add it to the clock '{name}'")
@@ -109,7 +110,10 @@ impl Description {
         let Format { version, interfaces, .. } = format;
         let is_scheduled = M::SCHEDULED_EXECUTION && version == Version::Fmi3;
         let interfaces = Interfaces {
-            model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE,
+            // FMI 2.0 has no clocks.
+            model_exchange: interfaces.model_exchange
+                && M::MODEL_EXCHANGE
+                && !(M::HAS_CLOCKS && version == Version::Fmi2),
             scheduled_execution: interfaces.scheduled_execution && is_scheduled,
             ..interfaces
         };
@@ -121,7 +125,8 @@ impl Description {
             None if interfaces == Interfaces::NONE => {
                 let (what, others) = match (M::HAS_CLOCKS, M::MODEL_EXCHANGE) {
                     (true, _) if version == Version::Fmi2 => ("a model with clocks", "only co-simulation in FMI 2.0"),
-                    (true, _) => ("a model with clocks", "no model exchange"),
+                    (true, true) => ("a continuous-time model", "no scheduled execution"),
+                    (true, _) => ("a discrete-time model with clocks", "no model exchange"),
                     (_, true) => ("a model without clocks", "no scheduled execution"),
                     _ => ("a stateful model", "no model exchange"),
                 };
@@ -345,8 +350,17 @@ fn mistaken_size(layout: &Layout) -> Option<String> {
     })
 }
 
-/// Returns an error for the first input that cannot change in intermediate updates although it is declared to, if any.
+/// Returns an error for the first variable that a model of this kind cannot have, if any: an output clock, or an input
+/// that is declared to change in intermediate updates, but cannot.
 fn misplaced(kind: ModelKind, layout: &Layout) -> Option<String> {
+    if kind == ModelKind::Continuous
+        && let Some(clock) = layout.variables.iter().find(|v| matches!(v.declaration.kind, Kind::Clock(None)))
+    {
+        let name = &clock.declaration.name;
+        return Some(format!(
+            "'{name}' cannot be a `Clock`: the outputs of a continuous-time model follow from its states"
+        ));
+    }
     let is_possible = |variable: &Variable| kind == ModelKind::Continuous && variable.is_intermediate();
     let mut declared = layout.variables.iter().filter(|variable| variable.declaration.details.intermediate);
     let name = &declared.find(|variable| !is_possible(variable))?.declaration.name;
@@ -643,6 +657,15 @@ mod tests {
         assert_eq!(misplaced(ModelKind::Stateful, &continuous).unwrap(), message);
         assert_eq!(misplaced(ModelKind::Continuous, &layout(of(all))).unwrap(), message);
         assert_eq!(misplaced(ModelKind::Continuous, &layout(Kind::Boolean { start: true })).unwrap(), message);
+    }
+
+    #[test]
+    fn a_continuous_time_model_has_no_output_clock() {
+        let layout = Layout::new(Declarations { outputs: plain(Kind::Clock(None)), ..Declarations::default() });
+        let problem = misplaced(ModelKind::Continuous, &layout).unwrap();
+        let expected = "cannot be a `Clock`: the outputs of a continuous-time model follow from its states";
+        assert!(problem.ends_with(expected), "{problem}");
+        assert_eq!(misplaced(ModelKind::Discrete, &layout), None);
     }
 
     /// FMI 3.0.2, section 2.4.9: names of terminals are unique among siblings, names of members in a terminal.

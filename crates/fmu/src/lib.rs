@@ -108,7 +108,7 @@ mod variables;
 
 pub use array::{Array, Matrix};
 pub use bytes::Bytes;
-pub use clocks::{Clock, Tick};
+pub use clocks::{Clock, Tick, TickOf};
 pub use definition::{Definition, LEAST_POSITIVE, MAX_STEP, Range, SAMPLE_TIME, TOLERANCE};
 pub use discrete_state::{DiscreteState, StateField, Word, Words};
 pub use dual::{Dual, Dual64};
@@ -139,7 +139,9 @@ macro_rules! open {
 pub mod __private {
     pub use crate::abi::Export;
     pub use crate::array::Identity;
-    pub use crate::clocks::{Clocked, InputClock, Interval, NoTimer, Schedule, Setting, Span, Timing};
+    pub use crate::clocks::{
+        Clocked, ContinuousTick, DiscreteTick, InputClock, Interval, NoTimer, Schedule, Setting, Span, Ticking, Timing,
+    };
     pub use crate::declare::*;
     pub use crate::enumeration::Item;
     pub use crate::number::Size;

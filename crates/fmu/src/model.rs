@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::clocks::{ContinuousTick, InputClock, Schedules};
 use crate::discrete_state::DiscreteState;
 use crate::scalar::Scalar;
 use crate::variables::{ContinuousState, Derived, Parameters, Variables};
@@ -152,6 +153,19 @@ pub trait Continuous: Parameters {
     type DiscreteState: DiscreteState + Clone + Default + Send;
     /// Type of the quantities whose zero crossings are events: `[f64; N]`.
     type Crossings: AsRef<[f64]>;
+
+    /// Input clocks. [`model`](macro@crate::model) makes them from the methods with `#[clock(…)]`.
+    #[doc(hidden)]
+    const CLOCKS: &'static [InputClock] = &[];
+    /// A schedule per input clock.
+    #[doc(hidden)]
+    type Schedules: Schedules;
+    /// The clocks that a tick can start.
+    #[doc(hidden)]
+    type Timers: Into<usize>;
+    /// Runs the method of an input clock.
+    #[doc(hidden)]
+    fn tick(&self, _clock: usize, _tick: ContinuousTick<'_, Self>) {}
 
     /// Computes the derived parameters. Called again after a tunable parameter has changed. The error is a sentence
     /// that contains the parameter's name, its value and the rule that it breaks.

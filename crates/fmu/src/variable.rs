@@ -364,7 +364,7 @@ impl Variable {
     /// continuous-time.
     pub(crate) fn is_intermediate(&self) -> bool {
         let Declaration { kind, details, .. } = &self.declaration;
-        let is_continuous = matches!(kind, Kind::Real(_)) && !details.constant;
+        let is_continuous = matches!(kind, Kind::Real(_)) && !details.constant && details.clocks.is_empty();
         is_continuous && (matches!(self.role, Role::Output | Role::State) || details.intermediate)
     }
     /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.

@@ -228,11 +228,11 @@ functions! {
 
     /// fmi2CompletedIntegratorStep: never requests Event Mode, because every state event has an indicator.
     fn completed_integrator_step[CompletedIntegratorStep](
-        _, call, _no_set_before: impl Copy, enter_event_mode: *mut impl From<bool>, terminate: *mut impl From<bool>
+        h, call, _no_set_before: impl Copy, enter_event_mode: *mut impl From<bool>, terminate: *mut impl From<bool>
     ) {
         let event = call.target("enterEventMode", enter_event_mode)?;
         let end = call.target("terminateSimulation", terminate)?;
         (*event, *end) = (false.into(), false.into());
-        Ok(())
+        if E::Model::HAS_CLOCKS { h.instance.check_integrator_step() } else { Ok(()) }
     }
 }

@@ -27,6 +27,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
         ];
         for (_, name) in all.into_iter().filter(|(is_provided, _)| *is_provided) {
             let is_co_simulation = name == "CoSimulation";
+            let has_events = is_co_simulation && M::HAS_EVENTS;
             let has_updates = is_co_simulation && M::KIND == ModelKind::Continuous;
             let capabilities = [
                 ("canGetAndSetFMUState", true),
@@ -35,8 +36,8 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
                 ("providesAdjointDerivatives", M::KIND == ModelKind::Continuous),
                 ("providesPerElementDependencies", true),
                 ("canHandleVariableCommunicationStepSize", is_co_simulation),
-                ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
-                ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS && !M::HAS_CLOCKS),
+                ("hasEventMode", has_events),
+                ("mightReturnEarlyFromDoStep", has_events && !(M::HAS_CLOCKS && M::KIND == ModelKind::Discrete)),
                 ("providesIntermediateUpdate", has_updates),
                 ("canReturnEarlyAfterIntermediateUpdate", has_updates),
             ];

@@ -324,6 +324,12 @@ impl<'a> Unknowns<'a> {
         let depends = |variable: &'a Variable| -> Unknown<'a> {
             let any = &any;
             let set = match (variable.role, M::KIND) {
+                // The parts of the active clocks may read every input and state.
+                (Role::Output | Role::Clocked, _) if M::HAS_CLOCKS => {
+                    let known = with_role(Role::Input).chain(with_role(Role::State)).chain(with_role(Role::Previous));
+                    let dependencies = known.chain(layout.clocks_of(variable)).collect();
+                    return Unknown { variable, dependencies, on_time: true };
+                }
                 (Role::Output, ModelKind::Continuous) if is_real(&variable) => {
                     &structure.dependencies[variable.index - layout.outputs.at.reals]
                 }
@@ -331,12 +337,6 @@ impl<'a> Unknowns<'a> {
                 (Role::Derivative, _) => {
                     let index = layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals;
                     &structure.dependencies[index]
-                }
-                // The parts of the active clocks may read every input.
-                (Role::Output, _) | (Role::Clocked, _) if M::HAS_CLOCKS => {
-                    let known = with_role(Role::Input).chain(with_role(Role::Previous));
-                    let dependencies = known.chain(layout.clocks_of(variable)).collect();
-                    return Unknown { variable, dependencies, on_time: true };
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
                 // Discrete-time and stateful models hold their outputs between steps, so these have no dependencies.
@@ -361,7 +361,8 @@ impl<'a> Unknowns<'a> {
             _ if v.declaration.details.constant => false,
             Role::Calculated | Role::Derivative => true,
             Role::State => v.declaration.calculated,
-            Role::Output => M::CALCULATES_OUTPUTS,
+            // The first tick of its clock initializes a clocked output.
+            Role::Output => M::CALCULATES_OUTPUTS && v.declaration.details.clocks.is_empty(),
             _ => false,
         };
         let initial = |variable: &'a Variable| {

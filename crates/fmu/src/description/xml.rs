@@ -198,7 +198,10 @@ pub(super) fn attributes<M: Model>(
         }
         // A clocked variable is discrete (FMI 3.0, section 2.4.7.4).
         Role::Input => ("input", discrete(is_real && details.clocks.is_empty()), ""),
-        Role::Output => ("output", discrete(M::KIND == ModelKind::Continuous && is_real), exact(M::CALCULATES_OUTPUTS)),
+        Role::Output => {
+            let is_continuous = M::KIND == ModelKind::Continuous && is_real && details.clocks.is_empty();
+            ("output", discrete(is_continuous), exact(M::CALCULATES_OUTPUTS))
+        }
         Role::State => (if *local { "local" } else { "output" }, "continuous", exact(*calculated)),
         Role::Derivative => ("local", "continuous", "calculated"),
         Role::Clocked | Role::Previous => ("local", "discrete", "calculated"),

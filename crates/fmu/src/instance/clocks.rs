@@ -268,7 +268,8 @@ impl<M: Model> Instance<M> {
     /// Rejects access to a clocked variable while its clock is not active (FMI 3.0, section 2.2.8). Without Event Mode,
     /// clocks tick inside the steps, and clocked variables are ordinary ones.
     pub(super) fn check_clocked(&self, function: Function, references: &[u32]) -> CallResult {
-        if !M::HAS_CLOCKS || !self.uses_event_mode || self.is_before_start() {
+        let has_event_mode = self.uses_event_mode || self.protocol.interface == Interface::ModelExchange;
+        if !M::HAS_CLOCKS || !has_event_mode || self.is_before_start() {
             return Ok(());
         }
         let layout = self.layout();
@@ -287,6 +288,26 @@ impl<M: Model> Instance<M> {
             }
         }
         Ok(())
+    }
+
+    /// Model exchange: rejects an integrator step past a tick.
+    pub fn check_integrator_step(&mut self) -> CallResult {
+        self.derive()?;
+        let time = self.timeline.time;
+        match M::missed_tick(self.context(), time, f64::INFINITY) {
+            Some(message) => Err(self.error(Function::CompletedIntegratorStep, message)),
+            None => Ok(()),
+        }
+    }
+
+    /// Deactivates the input clocks. Without fmi3UpdateDiscreteStates, which the standard requires at the end of an
+    /// event, they have no effect.
+    pub(super) fn deactivate_clocks(&mut self) {
+        if M::HAS_CLOCKS {
+            let clocks = self.layout().clocks.booleans();
+            self.values.booleans[clocks].fill(false);
+            self.forget_results();
+        }
     }
 
     /// Rejects a step of `step` s to `end` that goes past a tick of a clock that the importer activates.

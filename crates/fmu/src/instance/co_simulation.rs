@@ -97,11 +97,7 @@ impl<M: Model> Instance<M> {
     /// fmi3EnterStepMode.
     pub fn enter_step_mode(&mut self) -> CallResult {
         self.check(Function::EnterStepMode)?;
-        if M::HAS_CLOCKS {
-            // Without fmi3UpdateDiscreteStates, which the standard requires, the active clocks have no effect.
-            let clocks = self.layout().clocks.booleans();
-            self.values.booleans[clocks].fill(false);
-        }
+        self.deactivate_clocks();
         self.enter(Mode::Step);
         self.forget_results();
         Ok(())

@@ -37,6 +37,7 @@ impl<M: Model> Instance<M> {
     /// keep their values.
     pub fn enter_continuous_time_mode(&mut self) -> CallResult {
         self.check(Function::EnterContinuousTimeMode)?;
+        self.deactivate_clocks();
         self.refresh(false, true, false)?;
         self.derive()?;
         let Run { ctx, run, values } = self.context();

@@ -4,16 +4,13 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
-use crate::clocks::{self, Clocked, InputClock, Schedule, Tick, Timing};
+use crate::clocks::{self, Clocked, InputClock, MOST_AT_ONCE, Schedule, TickOf, Timing, too_often};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Info, Sample};
 use crate::store::ValueStore;
 use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
-
-/// Maximum number of ticks of aperiodic clocks at one time.
-const MOST_AT_ONCE: u32 = 100;
 
 /// Runs a [`Discrete`](crate::Discrete) model with clocks.
 pub struct ClockedModel<M>(PhantomData<M>);
@@ -61,7 +58,7 @@ impl<M: Clocked> ClockedModel<M> {
         active: u64,
     ) -> Result<(), String> {
         // First, so that a clock that is started at this event ticks at another one.
-        clocks::advance::<M>(part.schedules.as_mut(), ctx.layout, values, (active, time));
+        clocks::advance(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, (active, time));
         Self::run_parts(ctx, part, values, time, active)
     }
 
@@ -80,14 +77,17 @@ impl<M: Clocked> ClockedModel<M> {
             let (due, interval) = part.schedules.as_ref()[clock].present;
             p.check(&Sample { time: due, state: &mut part.state, inputs, derived })?;
             let (schedules, mut fault) = (part.schedules.as_mut(), None);
-            let tick = Tick {
+            let tick = TickOf {
                 time: due,
                 interval,
                 state: &mut part.state,
                 inputs,
                 outputs: &mut outputs,
                 derived,
+                continuous: &mut (),
                 schedules,
+                clocks: M::CLOCKS,
+                timers: PhantomData,
                 clock,
                 event: time,
                 fault: &mut fault,
@@ -126,20 +126,14 @@ impl<M: Clocked> ClockedModel<M> {
         Self::clear(layout, values);
     }
 
-    /// Time of the next tick in s; infinite if none is known.
-    fn next_tick(schedules: &[Schedule]) -> f64 {
-        schedules.iter().fold(f64::INFINITY, |next, schedule| next.min(schedule.next))
-    }
-
     fn run_ticks(run: Run<'_, Self>, end: f64, step: f64) -> Result<Part<M>, String> {
         let Run { ctx, run, values } = run;
         let mut part = run.part.clone();
-        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
+        clocks::update_intervals(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         let (mut all, mut at_once, mut last) = (0.0, 0, f64::NEG_INFINITY);
         let mut fired = 0;
         loop {
-            let next = Self::next_tick(part.schedules.as_ref());
-            let shortest = part.schedules.as_ref().iter().fold(step, |shortest, s| shortest.min(s.interval));
+            let (next, shortest) = clocks::next(part.schedules.as_ref(), step);
             if next >= end - slack(shortest, end) {
                 Self::add_fired(ctx.layout, values, fired);
                 return Ok(part);
@@ -148,12 +142,9 @@ impl<M: Clocked> ClockedModel<M> {
             last = next;
             all += 1.0;
             if at_once > MOST_AT_ONCE || all > MOST_PARTS {
-                return Err(format!(
-                    "a clock ticks too often: more than {MOST_AT_ONCE} times at {next} s, or {MOST_PARTS} times in a step"
-                ));
+                return Err(too_often(next));
             }
-            let due = part.schedules.as_ref().iter().enumerate().filter(|(_, schedule)| schedule.is_due(next));
-            let active = due.fold(0_u64, |all, (clock, _)| all | 1 << clock);
+            let active = clocks::due(part.schedules.as_ref(), next);
             // An output clock ticks at one event, although the importer sees that it has ticked in the step.
             Self::clear(ctx.layout, values);
             Self::tick(&ctx, &mut part, values, next, active)?;
@@ -195,7 +186,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<ClockedRun<M>, String> {
-        let schedules = clocks::first::<M>(ctx.layout, values, ctx.time)?;
+        let schedules = clocks::first(M::CLOCKS, ctx.layout, values, ctx.time)?;
         Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None })
     }
 
@@ -204,7 +195,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
-        clocks::update_intervals::<M>(run.part.schedules.as_mut(), ctx.layout, values, ctx.time)
+        clocks::update_intervals(M::CLOCKS, run.part.schedules.as_mut(), ctx.layout, values, ctx.time)
     }
 
     fn activate(Run { ctx, run, values }: Run<'_, Self>, clock: usize, time: f64) -> Result<bool, String> {
@@ -231,14 +222,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
         if let Err(error) = Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values }) {
             return Some(error);
         }
-        let is_missed =
-            |schedule: &Schedule| schedule.next < end - slack(step.min(schedule.interval), end) - schedule.deviation;
-        let (clock, schedule) =
-            M::CLOCKS.iter().zip(run.part.schedules.as_ref()).find(|(_, schedule)| is_missed(schedule))?;
-        Some(format!(
-            "the clock '{}' ticks at {} s: end the step there, and activate the clock in Event Mode",
-            clock.name, schedule.next
-        ))
+        clocks::missed(M::CLOCKS, run.part.schedules.as_ref(), end, step)
     }
 
     fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, _: u64) -> Result<Option<f64>, String> {
@@ -264,8 +248,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn evaluate_clocks(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
-        let flags = values.booleans[ctx.layout.clocks.booleans()].iter();
-        let active = flags.enumerate().fold(0_u64, |all, (clock, &is_active)| all | u64::from(is_active) << clock);
+        let active = clocks::active(ctx.layout, values);
         if run.evaluated.is_some() || active == 0 {
             return Ok(());
         }
@@ -291,7 +274,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         Self::evaluate_clocks(Run { ctx, run, values })?;
         let part = run.evaluated.as_mut().map_or(&mut run.part, |(part, _)| part);
-        clocks::update_intervals::<M>(part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
+        clocks::update_intervals(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         if let Some((part, _)) = run.evaluated.take() {
             run.part = part;
         }

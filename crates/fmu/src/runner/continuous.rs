@@ -2,6 +2,7 @@
 
 mod exchange;
 mod integration;
+mod ticks;
 
 use std::marker::PhantomData;
 use std::path::Path;
@@ -14,6 +15,7 @@ use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, t
 use super::{
     Context, Kind, Model, Modes, Progress, Run, Step, Update, are_finite, check_discrete, check_reals, layout,
 };
+use crate::clocks::{self, InputClock, Schedule};
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
@@ -33,8 +35,10 @@ pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>)
 
 /// State of a run: discrete state, solver and events. `clone` leaves the solver's working memory empty; `clone_from`
 /// keeps the working memory of the target.
-pub struct RunnerState<D> {
+pub struct RunnerState<D, S> {
     discrete: D,
+    /// Schedules of the clocks.
+    schedules: S,
     /// Next step in s proposed by a solver with error control; 0 before the first step.
     proposed: f64,
     /// Values of the declared zero crossings at the start or at the end of the last step.
@@ -42,14 +46,17 @@ pub struct RunnerState<D> {
     scratch: Scratch,
     /// Created at the first event that the importer handles.
     exchange: Option<Box<Exchange>>,
-    /// The discrete state before the first event in a step, restored if the step fails.
-    before_events: Option<D>,
+    /// The discrete state and the schedules before the first event in a step, restored if the step fails.
+    before_events: Option<(D, S)>,
 }
 
-impl<D: Clone> Clone for RunnerState<D> {
+type StateOf<M> = RunnerState<<M as Continuous>::DiscreteState, <M as Continuous>::Schedules>;
+
+impl<D: Clone, S: Clone> Clone for RunnerState<D, S> {
     fn clone(&self) -> Self {
         Self {
             discrete: self.discrete.clone(),
+            schedules: self.schedules.clone(),
             proposed: self.proposed,
             crossings: self.crossings.clone(),
             scratch: Scratch::default(),
@@ -131,10 +138,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     ) -> Result<Option<f64>, String> {
         let advance =
             if is_in_place::<M>() { Self::advance::<InPlace, PAUSES> } else { Self::advance::<OnHeap, PAUSES> };
-        if !Self::HAS_EVENTS {
+        if !has_events::<M>() {
             return advance(Run { ctx, run, values }, step, parts, progress);
         }
-        if progress.events == 0 {
+        if progress.events == 0 && !Self::HAS_CLOCKS {
             run.before_events = None;
         }
         advance(Run { ctx, run, values }, step, parts, progress).inspect_err(|_| Self::undo_events(run))
@@ -143,7 +150,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
-    const HAS_EVENTS: bool = has_events::<M>();
+    const HAS_EVENTS: bool = has_events::<M>() || Self::HAS_CLOCKS;
+    const CLOCKS: &'static [InputClock] = M::CLOCKS;
+    const SCHEDULED_EXECUTION: bool = false;
     const CAN_FINISH: bool = M::CAN_FINISH;
     const HAS_ERROR_CONTROL: bool = has_error_control(M::SOLVER);
     const INFO: Info = M::INFO;
@@ -151,7 +160,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     const EQUATIONS_READ: Option<&'static [&'static str]> = M::EQUATIONS_READ;
     type Parameters = M;
     type Derived = M::Derived;
-    type RunnerState = RunnerState<M::DiscreteState>;
+    type RunnerState = StateOf<M>;
 
     fn layout() -> Layout {
         let mut declared = Declarations {
@@ -161,9 +170,11 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),
             crossings: size_of::<M::Crossings>() / size_of::<f64>(),
+            clocks: M::CLOCKS,
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
+        M::DiscreteState::declare(&mut declared.clocked);
         let solver = match M::SOLVER {
             Solver::RungeKutta => Some((MAX_STEP, M::INFO.step_size)),
             Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => Some((TOLERANCE, tolerance)),
@@ -197,7 +208,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             scratch.branches = branches(layout, values, &discrete);
             Problem { model: p, inputs, derived, lengths: &values.lengths }.trace(&discrete, &mut scratch);
         }
-        Ok(RunnerState { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
+        let schedules = clocks::first(M::CLOCKS, layout, values, time)?;
+        Ok(RunnerState { discrete, schedules, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })
     }
 
     fn initialize(Context { p, derived, layout, .. }: Context<'_, Self>, values: &mut ValueStore) {
@@ -232,6 +244,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     fn step(run: Run<'_, Self>, step: Step, parts: u64) -> Result<Option<f64>, String> {
+        if Self::HAS_CLOCKS {
+            if !step.importer_ticks {
+                return Self::step_with_ticks(run, step, parts);
+            }
+            run.run.before_events = None;
+        }
         Self::advance_or_restore::<false>(run, step, parts, &mut Progress::new(step))
     }
 
@@ -241,11 +259,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         parts: u64,
         progress: &mut Progress,
     ) -> Result<Option<f64>, String> {
+        if Self::HAS_CLOCKS {
+            return Self::step_between_ticks(run, step, parts, progress);
+        }
         Self::advance_or_restore::<true>(run, step, parts, progress)
     }
 
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
         let Context { p, derived, layout, time } = ctx;
+        if Self::HAS_CLOCKS && Self::outputs_at_ticks(ctx, run, values) {
+            return;
+        }
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
         let at = At { time, state, inputs, derived, discrete: &run.discrete };
@@ -304,8 +328,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     fn undo_events(run: &mut Self::RunnerState) {
-        if let Some(discrete) = run.before_events.take() {
-            run.discrete = discrete;
+        if let Some(before) = run.before_events.take() {
+            (run.discrete, run.schedules) = before;
         }
     }
 
@@ -347,6 +371,23 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
     }
 
+    fn schedules(run: &mut Self::RunnerState) -> &mut [Schedule] {
+        run.schedules.as_mut()
+    }
+
+    fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
+        clocks::update_intervals(M::CLOCKS, run.schedules.as_mut(), ctx.layout, values, ctx.time)
+    }
+
+    fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
+        let result = Self::update_intervals(Run { ctx, run: &mut *run, values });
+        result.err().or_else(|| clocks::missed(M::CLOCKS, run.schedules.as_ref(), end, step))
+    }
+
+    fn evaluate_clocks(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
+        Self::at_ticks(ctx, run, values).map(drop)
+    }
+
     fn count_relations(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &ValueStore) -> usize {
         let layout = ctx.layout;
         let mut exchange = Exchange::new(layout, 0.0);
@@ -355,15 +396,22 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         exchange.relations.count()
     }
 
-    // Handles first the zero crossings, then the time events, in the same order as co-simulation.
+    // Handles first the ticks, then the zero crossings, then the time events, in the same order as co-simulation.
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         let Context { p, derived, layout, time } = ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
-        let exchange = run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
-        let mut handled = exchange.handled;
         let mut discrete = run.discrete.clone();
         let mut x = M::State::read(values.view(), layout.states.at);
+        let mut schedules = run.schedules.clone();
+        if Self::HAS_CLOCKS {
+            if let Some(ticked) = Self::at_ticks(ctx, run, values)? {
+                (x, discrete, schedules) = ticked;
+            }
+            clocks::update_intervals(M::CLOCKS, schedules.as_mut(), layout, values, time)?;
+        }
+        let exchange = run.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
+        let mut handled = exchange.handled;
         let event =
             |x: &mut M::State<f64>, discrete: &mut M::DiscreteState, before: &[f64], after: &[f64], is_timed| {
                 p.on_event(Event { time, state: x, discrete, inputs, derived, is_timed, before, after });
@@ -411,6 +459,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             run.crossings.extend_from_slice(now.as_ref());
         }
         run.discrete = discrete;
+        if Self::HAS_CLOCKS {
+            run.schedules = schedules;
+            values.booleans[layout.clocks.booleans()].fill(false);
+        }
         if let Some(exchange) = &mut run.exchange {
             exchange.handled = handled;
             exchange.announced = next.unwrap_or(f64::INFINITY);
@@ -510,6 +562,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             run.crossings.iter().for_each(|&value| sink(Word::Real(value)));
         }
         run.discrete.save(sink);
+        clocks::save(run.schedules.as_ref(), sink);
         if MODEL_EXCHANGE || Self::HAS_EVENTS {
             sink(Word::Whole(run.exchange.is_some().into()));
             if let Some(exchange) = &run.exchange {
@@ -533,6 +586,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         run.discrete.load(source)?;
+        clocks::restore(run.schedules.as_mut(), source)?;
         let has_exchange = (MODEL_EXCHANGE || Self::HAS_EVENTS) && source.whole("mark of events")? != 0;
         if has_exchange {
             let mut exchange = Exchange::new(layout, 0.0);

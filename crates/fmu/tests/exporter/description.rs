@@ -468,6 +468,8 @@ mod without_derived_parameters {
         type Derived = ();
         type DiscreteState = ();
         type Crossings = [f64; 0];
+        type Schedules = [fmu::__private::Schedule; 0];
+        type Timers = fmu::__private::NoTimer;
         fn derived(&self) -> Result<(), String> {
             <Self as Discrete>::derived(self)
         }

@@ -9,6 +9,7 @@ mod clocked_states;
 mod clocks;
 mod comparisons;
 mod constants;
+mod continuous_clocks;
 mod dependencies;
 mod derivatives;
 mod description;

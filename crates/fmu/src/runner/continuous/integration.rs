@@ -5,7 +5,8 @@ use std::marker::PhantomData;
 use fmu_math::ode;
 
 use super::{
-    Context, ContinuousModel, Progress, Run, RunnerState, Step, branches, check_discrete, check_reals, is_stiff,
+    Context, ContinuousModel, Progress, Run, RunnerState, StateOf, Step, branches, check_discrete, check_reals,
+    is_stiff,
 };
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
 use crate::runner::MOST_PARTS;
@@ -47,7 +48,7 @@ pub(super) fn too_many_at(time: f64) -> String {
 /// Advances the state over a communication step; `K` stores the states. With `PAUSES`, stops after an integrator step.
 struct Integration<'a, M: Continuous, K, const PAUSES: bool> {
     problem: Problem<'a, M>,
-    run: &'a mut RunnerState<M::DiscreteState>,
+    run: &'a mut StateOf<M>,
     progress: Progress,
     stops_at_events: bool,
     /// Time in s of the event at which the step stopped.
@@ -316,7 +317,10 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
         let Progress { events, first_event, .. } = &mut self.progress;
         if *events == 0 {
             *first_event = time;
-            self.run.before_events = Some(self.run.discrete.clone());
+            // With clocks inside the step, the state before the first tick is known.
+            if M::CLOCKS.is_empty() || self.run.before_events.is_none() {
+                self.run.before_events = Some((self.run.discrete.clone(), self.run.schedules.clone()));
+            }
         }
         *events += 1;
         if *events > MOST_EVENTS && is_timed && time <= *first_event {
