@@ -54,8 +54,8 @@ pub struct Settings {
     no_portable: bool,
     /// Interfaces of the FMUs, separated by commas [default: all that the model has]
     ///
-    /// Stateful models have co-simulation only. Models with clocks have co-simulation and, if every clock has a
-    /// priority, scheduled execution.
+    /// Stateful models have co-simulation only. Discrete-time models with clocks have co-simulation and, if every clock
+    /// has a priority, scheduled execution.
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     interfaces: Vec<Interface>,
     /// FMI version of the FMUs, 2 or 3
