@@ -37,6 +37,8 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
                 ("providesPerElementDependencies", true),
                 ("canHandleVariableCommunicationStepSize", is_co_simulation),
                 ("hasEventMode", has_events),
+                // Rejects integrator steps past a tick.
+                ("needsCompletedIntegratorStep", M::HAS_CLOCKS && name == "ModelExchange"),
                 ("mightReturnEarlyFromDoStep", has_events && !(M::HAS_CLOCKS && M::KIND == ModelKind::Discrete)),
                 ("providesIntermediateUpdate", has_updates),
                 ("canReturnEarlyAfterIntermediateUpdate", has_updates),

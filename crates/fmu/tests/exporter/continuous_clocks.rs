@@ -360,7 +360,7 @@ fn clocks_of_continuous_time_models_are_described() {
         [of("control"), of("target"), of("speed"), of("previous.held_speed"), Sampled3::description().layout.end];
     let inputs = format!("{target} {} {}", of("delay"), of("x"));
     for expected in [
-        "<ModelExchange ".to_owned(),
+        r#"needsCompletedIntegratorStep="true"/>"#.to_owned(),
         r#"hasEventMode="true""#.to_owned(),
         format!(
             r#"<Clock name="control" valueReference="{control}" description="Sampled controller" causality="input""#

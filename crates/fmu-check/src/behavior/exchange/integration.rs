@@ -150,7 +150,8 @@ impl Exchange<'_> {
                 let now = self.indicators(instance)?;
                 let mut is_event = next_event.is_some_and(|next| next <= time);
                 is_event |= now.iter().zip(&indicators).any(|(a, b)| (*a > 0.0) != (*b > 0.0));
-                if self.unit.needs_completed_integrator_step {
+                // An FMU may reject a step past a tick, and clocks are not activated here.
+                if self.unit.needs_completed_integrator_step && self.description.clocks.is_empty() {
                     let completed = instance.completed_integrator_step()?;
                     if completed.terminates {
                         return Ok(End { states, time, is_cut: false });
