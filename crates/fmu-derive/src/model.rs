@@ -332,15 +332,14 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     let model = &block.self_ty;
     let names = quote!(#root::NamesOf::<#model>::NAMES);
     let mut structs = vec![(model.span(), names)];
-    for name in ["Derived", "Inputs", "Outputs", "State", "DiscreteState"] {
+    for name in ["Derived", "Inputs", "Outputs", "State"] {
+        // The names in the state of a discrete-time model are checked when the description is generated.
+        if name == "State" && kind != Kind::Continuous {
+            continue;
+        }
         if let Some(item) = associated_type(&block.items, name) {
             let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
-            let of = match (name, kind) {
-                ("Derived", _) => "NamesOfDerived",
-                ("State", Kind::Discrete) | ("DiscreteState", _) => "NamesOfDiscreteState",
-                _ => "NamesOf",
-            };
-            let of = Ident::new(of, Span::call_site());
+            let of = Ident::new(if name == "Derived" { "NamesOfDerived" } else { "NamesOf" }, Span::call_site());
             let names = quote!({
                 // Uses the number type here, because it is otherwise unused if the struct contains no real variables.
                 #(type #numbers = f64; const _: #numbers = 0.0;)*

@@ -1,7 +1,6 @@
 //! Clocks of FMI 3.0: parts of a model that run when their clocks tick.
 
 use std::marker::PhantomData;
-use std::ops::Range;
 
 use crate::discrete_state::{Word, Words};
 use crate::model::{Continuous, Discrete};
@@ -48,16 +47,23 @@ impl Span {
         }
     }
 
-    /// Two words from which [`Self::of`] makes the same length. The denominator of a fraction is not 0.
+    /// Two words from which [`Self::set`] makes the same length. They are not both 0.
     pub(crate) const fn words(self) -> [u64; 2] {
         match self {
+            Self::Decimal(0.0) => [(-0.0_f64).to_bits(), 0],
             Self::Decimal(seconds) => [seconds.to_bits(), 0],
             Self::Fraction(counter, resolution) => [counter, resolution],
         }
     }
 
-    const fn of([number, resolution]: [u64; 2]) -> Self {
-        if resolution == 0 { Self::Decimal(f64::from_bits(number)) } else { Self::Fraction(number, resolution) }
+    /// Takes over a length that an importer has set.
+    fn set(&mut self, words: &[u64]) {
+        match *words {
+            [0, 0] => {}
+            [number, 0] => *self = Self::Decimal(f64::from_bits(number)),
+            [counter, resolution] => *self = Self::Fraction(counter, resolution),
+            _ => unreachable!("two words"),
+        }
     }
 }
 
@@ -132,29 +138,9 @@ impl Timing {
         Self::Periodic { interval: Interval::Constant(interval), shift, setting }
     }
 
-    /// Interval and shift that hold if the importer does not set them; `None` if it cannot.
-    const fn settable(self) -> Option<(Span, Span)> {
-        match self {
-            Self::Periodic { setting: Setting::Never, .. } => None,
-            Self::Periodic { interval: Interval::Constant(interval), shift, .. } => Some((interval, shift)),
-            _ => None,
-        }
-    }
-
-    /// The words with interval and shift, if the importer may set them: part of the values of an instance, so that saved
-    /// states contain them.
-    pub(crate) fn words(self) -> Option<[u64; Self::WORDS]> {
-        let (interval, shift) = self.settable()?;
-        let ([a, b], [c, d]) = (interval.words(), shift.words());
-        Some([a, b, c, d])
-    }
-
-    /// Number of [`Self::words`], if there are any.
-    pub(crate) const WORDS: usize = 4;
-
     /// Returns true if the importer may set interval and shift.
     pub(crate) const fn is_settable(self) -> bool {
-        self.settable().is_some()
+        matches!(self, Self::Periodic { setting: Setting::Fixed | Setting::Tunable, .. })
     }
 
     pub(crate) const fn interval(self) -> Option<Interval> {
@@ -342,21 +328,24 @@ pub struct Schedule {
     pub(crate) present: (f64, f64),
 }
 
-/// The words with interval and shift of a clock, if the importer may set them.
-pub(crate) fn settable(clocks: &[InputClock], clock: usize, layout: &Layout) -> Option<Range<usize>> {
-    let is_settable = |clock: &&InputClock| clock.timing.is_settable();
-    let first = layout.clocks.at.words + Timing::WORDS * clocks[..clock].iter().filter(is_settable).count();
-    is_settable(&&clocks[clock]).then(|| first..first + Timing::WORDS)
+/// Number of words among the values of an instance that store the interval and then the shift of a settable clock. They
+/// are 0 until the importer sets them.
+pub(crate) const TIMING_WORDS: usize = 4;
+
+/// Index of the first of the words of a clock, if it is settable.
+pub(crate) fn words(clocks: &[InputClock], clock: usize, layout: &Layout) -> Option<usize> {
+    let before = clocks[..clock].iter().filter(|clock| clock.timing.is_settable()).count();
+    clocks[clock].timing.is_settable().then_some(layout.clocks.at.words + TIMING_WORDS * before)
 }
 
 /// A clock, with the interval and the shift that the importer has set.
 pub(crate) fn present(clocks: &[InputClock], clock: usize, layout: &Layout, values: &ValueStore) -> InputClock {
     let mut present = clocks[clock];
-    if let (Some(words), Timing::Periodic { interval, shift, .. }) =
-        (settable(clocks, clock, layout), &mut present.timing)
+    if let Timing::Periodic { interval: Interval::Constant(interval), shift, .. } = &mut present.timing
+        && let Some(at) = words(clocks, clock, layout)
     {
-        let words = &values.words[words];
-        (*interval, *shift) = (Interval::Constant(Span::of([words[0], words[1]])), Span::of([words[2], words[3]]));
+        interval.set(&values.words[at..at + 2]);
+        shift.set(&values.words[at + 2..at + 4]);
     }
     present
 }

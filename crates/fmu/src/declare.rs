@@ -323,16 +323,21 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
     let first = all.len();
     declare(all);
     if !prefix.is_empty() {
-        for declaration in &mut all[first..] {
-            declaration.name = format!("{prefix}.{}", declaration.name);
-            for alias in &mut declaration.aliases {
-                alias.name = format!("{prefix}.{}", alias.name);
-            }
-            if let Some(array) = &mut declaration.array {
-                array.name = format!("{prefix}.{}", array.name);
-            }
-            declaration.terminals.iter_mut().for_each(|terminal| terminal.member += prefix.len() + 1);
+        self::prefix(prefix, &mut all[first..]);
+    }
+}
+
+/// Lets the names of variables start with a prefix.
+pub(crate) fn prefix(prefix: &str, declarations: &mut [Declaration]) {
+    for declaration in declarations {
+        declaration.name = format!("{prefix}.{}", declaration.name);
+        for alias in &mut declaration.aliases {
+            alias.name = format!("{prefix}.{}", alias.name);
         }
+        if let Some(array) = &mut declaration.array {
+            array.name = format!("{prefix}.{}", array.name);
+        }
+        declaration.terminals.iter_mut().for_each(|terminal| terminal.member += prefix.len() + 1);
     }
 }
 

@@ -16,7 +16,7 @@ pub use stateful::StatefulModel;
 
 use fmu_math::sparse::Structure;
 
-use crate::clocks::{InputClock, Schedule, have_priorities};
+use crate::clocks::{self, InputClock, Schedule, have_priorities};
 use crate::declare::Spec;
 use crate::definition::Definition;
 use crate::discrete_state::{DiscreteState, Word, Words};
@@ -214,8 +214,8 @@ pub trait Model: Sized + 'static {
     }
     /// Takes over the present values of intervals that are parameters or that the importer sets. Fails if one is not
     /// above 0.
-    fn update_intervals(_: Run<'_, Self>) -> Result<(), String> {
-        Ok(())
+    fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
+        clocks::update_intervals(Self::CLOCKS, Self::schedules(run), ctx.layout, values, ctx.time)
     }
     /// Scheduled execution: runs the part of an input clock at `time`. Returns true if an output clock has ticked or a
     /// countdown clock was started. Fails, without changes, like [`Self::step`], or if the clock has ticked at this time
@@ -223,9 +223,11 @@ pub trait Model: Sized + 'static {
     fn activate(_: Run<'_, Self>, _clock: usize, _time: f64) -> Result<bool, String> {
         unreachable!("only models with clocks have scheduled execution")
     }
-    /// If a clock that the importer activates is due before `end`, the end of a step of `step` s, returns the message.
-    fn missed_tick(_: Run<'_, Self>, _end: f64, _step: f64) -> Option<String> {
-        None
+    /// Returns the message if a clock that the importer activates is due before `end`, the end of a step of `step` s, or
+    /// if [`Self::update_intervals`] fails.
+    fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
+        let result = Self::update_intervals(Run { ctx, run: &mut *run, values });
+        result.err().or_else(|| clocks::missed(Self::CLOCKS, Self::schedules(run), end, step))
     }
     /// Event Mode: evaluates the parts of the active clocks, if this has not been done. Fails, without changing
     /// `values`, like [`Self::step`].

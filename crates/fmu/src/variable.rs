@@ -4,8 +4,9 @@ use std::ops::{Range, RangeInclusive};
 
 use crate::bytes::Buffer;
 use crate::calls::Version;
-use crate::clocks::{InputClock, Timing};
-use crate::declare::hash;
+use crate::clocks::{InputClock, TIMING_WORDS};
+use crate::declare::{hash, prefix};
+use crate::discrete_state::DiscreteState;
 use crate::enumeration::Item;
 use crate::number::{self, Number as _, Size, is_finite_f32};
 use crate::store::{Counts, Length, ValueStore};
@@ -334,6 +335,8 @@ pub struct Declarations {
     pub outputs: Vec<Declaration>,
     /// Clocked states.
     pub clocked: Vec<Declaration>,
+    /// The values of the clocked states before the tick.
+    pub previous: Vec<Declaration>,
     /// Continuous states.
     pub states: Vec<Declaration>,
     /// Input clocks.
@@ -344,6 +347,18 @@ pub struct Declarations {
     pub sized: Option<fn(&Layout) -> Vec<SizedArray>>,
     /// Name of the parameter that the solver reads.
     pub solver: Option<&'static str>,
+}
+
+impl Declarations {
+    /// Declares the clocked states of a model with clocks.
+    pub(crate) fn declare_clocked<D: DiscreteState>(&mut self) {
+        D::declare(&mut self.clocked);
+        // FMI 2.0 has no clocks.
+        self.clocked.iter_mut().for_each(|state| state.details.only = Some(Version::Fmi3));
+        self.previous = self.clocked.clone();
+        prefix("previous", &mut self.previous);
+        self.previous.iter_mut().for_each(|state| state.description.push_str(" (before the tick)"));
+    }
 }
 
 impl Variable {
@@ -375,18 +390,15 @@ impl Variable {
 
 impl Layout {
     /// Assigns positions and value references to the declared variables.
-    pub fn new(mut declared: Declarations) -> Self {
-        // FMI 2.0 has no clocks.
-        declared.clocked.iter_mut().for_each(|state| state.details.only = Some(Version::Fmi3));
+    pub fn new(declared: Declarations) -> Self {
         let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();
-        let previous = declared.clocked.iter().map(previous_of).collect();
         let blocks = [
             (Role::Parameter, declared.parameters),
             (Role::Calculated, declared.derived),
             (Role::Input, declared.inputs),
             (Role::Output, declared.outputs),
             (Role::Clocked, declared.clocked),
-            (Role::Previous, previous),
+            (Role::Previous, declared.previous),
             (Role::State, declared.states),
             (Role::Derivative, derivatives),
             (Role::Clock, declared.clocks.iter().map(clock).collect()),
@@ -612,7 +624,9 @@ impl ValueStore {
                 Kind::Boolean { start } => booleans.push(*start),
                 Kind::Clock(clock) => {
                     booleans.push(false);
-                    words.extend(clock.and_then(|clock| clock.timing.words()).into_iter().flatten());
+                    if clock.is_some_and(|clock| clock.timing.is_settable()) {
+                        words.extend([0; TIMING_WORDS]);
+                    }
                 }
                 Kind::String { start } => strings.push(start.clone()),
                 kind @ Kind::Binary { .. } => binaries.extend(kind.buffer()),
@@ -707,9 +721,7 @@ impl Kind {
         match self {
             Self::Real(_) => Counts::REAL,
             Self::Float32(_) | Self::Integer { .. } => Counts::WORD,
-            Self::Clock(Some(clock)) if clock.timing.is_settable() => {
-                Counts { words: Timing::WORDS, ..Counts::BOOLEAN }
-            }
+            Self::Clock(Some(clock)) if clock.timing.is_settable() => Counts { words: TIMING_WORDS, ..Counts::BOOLEAN },
             Self::Boolean { .. } | Self::Clock(_) => Counts::BOOLEAN,
             Self::String { .. } => Counts::STRING,
             Self::Binary { .. } => Counts::BINARY,
@@ -806,21 +818,6 @@ fn derivative_of(state: &Declaration) -> Declaration {
             max: None,
             nominal: None,
         }),
-    }
-}
-
-fn previous_of(clocked: &Declaration) -> Declaration {
-    let name = |name: &str| format!("previous.{name}");
-    Declaration {
-        name: name(&clocked.name),
-        description: format!("Value of {} before the tick", clocked.name),
-        aliases: Vec::new(),
-        array: clocked.array.as_ref().map(|array| ArrayElement {
-            name: name(&array.name),
-            description: format!("Value of {} before the tick", array.name),
-            ..array.clone()
-        }),
-        ..clocked.clone()
     }
 }
 

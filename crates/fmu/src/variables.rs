@@ -5,7 +5,6 @@ use std::marker::PhantomData;
 use crate::bytes::Bytes;
 use crate::clocks::Clock;
 use crate::declare::{Name, Spec};
-use crate::discrete_state::DiscreteState;
 use crate::number::{Number as _, Size};
 use crate::scalar::Scalar;
 use crate::store::{Counts, ValueStore, Values, ValuesMut};
@@ -505,14 +504,6 @@ impl<D: Derived> NamesOfDerived<D> {
     pub const NAMES: &'static [Name] = D::NAMES;
 }
 
-/// [`NamesOf`] for the clocked states of a discrete-time model.
-pub struct NamesOfDiscreteState<D>(PhantomData<D>);
-
-impl<D: DiscreteState> NamesOfDiscreteState<D> {
-    /// Names from the derive.
-    pub const NAMES: &'static [Name] = D::NAMES;
-}
-
 /// Fallback for a type without the derive.
 pub trait NoNames {
     /// No names.
@@ -521,7 +512,6 @@ pub trait NoNames {
 
 impl<V> NoNames for NamesOf<V> {}
 impl<D> NoNames for NamesOfDerived<D> {}
-impl<D> NoNames for NamesOfDiscreteState<D> {}
 
 /// A struct of variables with its start values.
 #[must_use]

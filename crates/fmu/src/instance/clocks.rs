@@ -223,37 +223,30 @@ impl<M: Model> Instance<M> {
     ) -> CallResult {
         self.check(function)?;
         let is_shift = matches!(function, Function::SetShiftDecimal | Function::SetShiftFraction);
+        let (what, least) = if is_shift { ("shift", "at least") } else { ("interval", "above") };
         for (&reference, span) in references.iter().zip(spans.clone()) {
             let (position, InputClock { name, timing, .. }) = self.input_clock(function, reference)?;
-            let (what, seconds) = (if is_shift { "shift" } else { "interval" }, span.seconds());
-            let declared = M::CLOCKS[position].timing;
-            let has_fractions = matches!(declared.interval(), Some(Interval::Constant(Span::Fraction(..))));
-            let problem = match (timing, timing.interval()) {
+            let (declared, seconds) = (M::CLOCKS[position].timing.interval(), span.seconds());
+            let has_fractions = matches!(declared, Some(Interval::Constant(Span::Fraction(..))));
+            let is_valid = seconds.is_finite() && (seconds > 0.0 || (is_shift && seconds >= 0.0));
+            let problem = match (timing, declared) {
+                (_, Some(Interval::Of(name))) => format!("cannot be set: set the parameter '{name}' instead"),
+                _ if !timing.is_settable() => "cannot be set: the model determines it".to_owned(),
                 (Timing::Periodic { setting: Setting::Fixed, .. }, _) if !self.is_before_start() => {
                     "cannot be set after Initialization Mode, because the clock is fixed".to_owned()
                 }
-                (timing, _) if timing.is_settable() => match span {
-                    Span::Fraction(..) if !has_fractions => {
-                        "cannot be set as a fraction (supportsFraction is false)".to_owned()
-                    }
-                    Span::Fraction(counter, 0) => format!("must have a resolution above 0, got {counter}/0"),
-                    _ if is_shift && !(seconds >= 0.0 && seconds.is_finite()) => {
-                        format!("must be finite and at least 0 s, got {seconds} s")
-                    }
-                    _ if !is_shift && !(seconds > 0.0 && seconds.is_finite()) => {
-                        format!("must be finite and above 0 s, got {seconds} s")
-                    }
-                    _ => continue,
-                },
-                (_, Some(Interval::Of(name))) => format!("cannot be set: set the parameter '{name}' instead"),
-                _ => "cannot be set: the model determines it".to_owned(),
+                _ if matches!(span, Span::Fraction(..)) && !has_fractions => {
+                    "cannot be set as a fraction (supportsFraction is false)".to_owned()
+                }
+                _ if !is_valid => format!("must be finite and {least} 0 s, got {seconds} s"),
+                _ => continue,
             };
             return Err(self.error(function, format_args!("the {what} of the clock '{name}' {problem}")));
         }
         for (&reference, span) in references.iter().zip(spans) {
             let (position, _) = self.input_clock(function, reference)?;
-            if let Some(words) = clocks::settable(M::CLOCKS, position, self.layout()) {
-                let at = words.start + if is_shift { 2 } else { 0 };
+            if let Some(at) = clocks::words(M::CLOCKS, position, self.layout()) {
+                let at = at + if is_shift { 2 } else { 0 };
                 self.values.words[at..at + 2].copy_from_slice(&span.words());
             }
         }

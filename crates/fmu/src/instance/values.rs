@@ -317,8 +317,7 @@ impl<M: Model> Instance<M> {
             Role::Output => (false, "an output"),
             Role::Calculated => (false, "a calculated parameter"),
             Role::Derivative => (false, "the derivative of a state"),
-            Role::Clocked | Role::Previous => (false, "a clocked state"),
-            Role::Clock => (false, "a clock"),
+            Role::Clocked | Role::Previous | Role::Clock => (false, "a clock or a clocked state"),
         };
         if allowed {
             return Ok(variable);

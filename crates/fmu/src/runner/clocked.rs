@@ -173,7 +173,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
-        M::State::declare(&mut declared.clocked);
+        declared.declare_clocked::<M::State>();
         Layout::new(declared)
     }
 
@@ -194,10 +194,6 @@ impl<M: Clocked> Model for ClockedModel<M> {
         0.0
     }
 
-    fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
-        clocks::update_intervals(M::CLOCKS, run.part.schedules.as_mut(), ctx.layout, values, ctx.time)
-    }
-
     fn activate(Run { ctx, run, values }: Run<'_, Self>, clock: usize, time: f64) -> Result<bool, String> {
         Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values })?;
         let mut part = run.part.clone();
@@ -216,13 +212,6 @@ impl<M: Clocked> Model for ClockedModel<M> {
         });
         run.part = part;
         Ok(fired != 0 || is_started)
-    }
-
-    fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
-        if let Err(error) = Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values }) {
-            return Some(error);
-        }
-        clocks::missed(M::CLOCKS, run.part.schedules.as_ref(), end, step)
     }
 
     fn step(Run { ctx, run, values }: Run<'_, Self>, step: Step, _: u64) -> Result<Option<f64>, String> {

@@ -174,7 +174,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
-        M::DiscreteState::declare(&mut declared.clocked);
+        const { assert!(M::DiscreteState::NAMES.is_empty() || Self::HAS_CLOCKS, "no clock for `#[var(clock = …)]`") };
+        if Self::HAS_CLOCKS {
+            declared.declare_clocked::<M::DiscreteState>();
+        }
         let solver = match M::SOLVER {
             Solver::RungeKutta => Some((MAX_STEP, M::INFO.step_size)),
             Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => Some((TOLERANCE, tolerance)),
@@ -267,13 +270,16 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
 
     fn outputs(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
         let Context { p, derived, layout, time } = ctx;
-        if Self::HAS_CLOCKS && Self::outputs_at_ticks(ctx, run, values) {
-            return;
-        }
+        // `evaluate_clocks` has reported an error.
+        let ticked = if Self::HAS_CLOCKS { Self::at_ticks(ctx, run, values).ok().flatten() } else { None };
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        let state = &M::State::read(values.view(), layout.states.at);
-        let at = At { time, state, inputs, derived, discrete: &run.discrete };
-        p.outputs(at).write(&mut values.view_mut(), layout.outputs.at);
+        let (state, discrete) = match &ticked {
+            Some((state, discrete, _)) => (state, discrete),
+            None => (&M::State::read(values.view(), layout.states.at), &run.discrete),
+        };
+        p.outputs(At { time, state, inputs, derived, discrete }).write(&mut values.view_mut(), layout.outputs.at);
+        discrete.write(&mut values.view_mut(), layout.clocked.at);
+        run.discrete.write(&mut values.view_mut(), layout.previous.at);
     }
 
     fn derivatives(ctx: Context<'_, Self>, run: &Self::RunnerState, values: &mut ValueStore) {
@@ -373,15 +379,6 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
 
     fn schedules(run: &mut Self::RunnerState) -> &mut [Schedule] {
         run.schedules.as_mut()
-    }
-
-    fn update_intervals(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {
-        clocks::update_intervals(M::CLOCKS, run.schedules.as_mut(), ctx.layout, values, ctx.time)
-    }
-
-    fn missed_tick(Run { ctx, run, values }: Run<'_, Self>, end: f64, step: f64) -> Option<String> {
-        let result = Self::update_intervals(Run { ctx, run: &mut *run, values });
-        result.err().or_else(|| clocks::missed(M::CLOCKS, run.schedules.as_ref(), end, step))
     }
 
     fn evaluate_clocks(Run { ctx, run, values }: Run<'_, Self>) -> Result<(), String> {

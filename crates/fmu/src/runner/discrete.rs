@@ -46,7 +46,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
     type RunnerState = M::State;
 
     fn layout() -> Layout {
-        const { assert!(M::State::NAMES.is_empty(), "only a model with clocks has clocked states: remove `clock`") };
+        const { assert!(M::State::NAMES.is_empty(), "no clock for `#[var(clock = …)]`") };
         let mut declared = Declarations {
             parameters: M::declarations(),
             sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),

@@ -181,7 +181,7 @@ fn clocked_states_are_accessible_while_their_clock_is_active_and_never_settable(
     fmu.activate("fast", true);
     for name in ["sum", "previous.sum"] {
         let message = error_of(fmu.set(name, 1.0));
-        assert!(message.contains("a clocked state") && message.contains("never settable"), "{message}");
+        assert!(message.contains("a clock or a clocked state") && message.contains("never settable"), "{message}");
     }
     assert_eq!(fmu.sums(), [0.0; 2]);
 }
@@ -232,7 +232,7 @@ fn clocked_states_are_described() {
             r#"<Float64 name="sum" valueReference="{sum}" description="Sum" causality="local" variability="discrete" initial="calculated" unit="m" nominal="10.0" clocks="{fast}" previous="{previous}"/>"#
         ),
         format!(
-            r#"<Float64 name="previous.sum" valueReference="{previous}" description="Value of sum before the tick" causality="local" variability="discrete" initial="calculated" unit="m" nominal="10.0" clocks="{fast}"/>"#
+            r#"<Float64 name="previous.sum" valueReference="{previous}" description="Sum (before the tick)" causality="local" variability="discrete" initial="calculated" unit="m" nominal="10.0" clocks="{fast}"/>"#
         ),
         format!(r#"initial="calculated" clocks="{fast} {slow}" previous="{}"/>"#, of("previous.ticks.slow")),
         format!(r#"<Binary name="previous.bytes" valueReference="{}""#, of("previous.bytes")),

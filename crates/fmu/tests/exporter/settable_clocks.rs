@@ -248,7 +248,7 @@ fn a_timing_that_cannot_be_set_is_an_error() {
         (SetIntervalDecimal, "control", Span::Decimal(0.0), "must be finite and above 0 s, got 0 s"),
         (SetIntervalDecimal, "slow", Span::Decimal(f64::NAN), "must be finite and above 0 s, got NaN s"),
         (SetIntervalFraction, "control", Span::Fraction(0, 3), "must be finite and above 0 s, got 0 s"),
-        (SetIntervalFraction, "control", Span::Fraction(3, 0), "must have a resolution above 0, got 3/0"),
+        (SetIntervalFraction, "control", Span::Fraction(3, 0), "must be finite and above 0 s, got inf s"),
         (SetIntervalFraction, "slow", Span::Fraction(1, 3), "cannot be set as a fraction (supportsFraction is false)"),
         (SetShiftFraction, "slow", Span::Fraction(1, 3), "cannot be set as a fraction (supportsFraction is false)"),
         (SetShiftDecimal, "slow", Span::Decimal(-0.5), "must be finite and at least 0 s, got -0.5 s"),

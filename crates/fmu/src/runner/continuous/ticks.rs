@@ -4,8 +4,7 @@ use std::marker::PhantomData;
 
 use super::{Context, ContinuousModel, Progress, Run, StateOf, Step, check_discrete, check_reals};
 use crate::clocks::{self, MOST_AT_ONCE, TickOf, too_often};
-use crate::discrete_state::DiscreteState as _;
-use crate::model::{At, Continuous};
+use crate::model::Continuous;
 use crate::runner::{MOST_PARTS, Model as _};
 use crate::store::ValueStore;
 use crate::timeline::slack;
@@ -65,22 +64,6 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             0 => Ok(None),
             active => Self::tick(ctx, run, values, (active, ctx.time)).map(Some),
         }
-    }
-
-    /// Writes the clocked states and, if clocks are active, the outputs. Returns true if they are.
-    pub(super) fn outputs_at_ticks(ctx: Context<'_, Self>, run: &StateOf<M>, values: &mut ValueStore) -> bool {
-        let Context { p, derived, layout, time } = ctx;
-        // An error was reported by `evaluate_clocks`.
-        let ticked = Self::at_ticks(ctx, run, values).ok().flatten();
-        run.discrete.write(&mut values.view_mut(), layout.previous.at);
-        let Some((state, discrete, _)) = &ticked else {
-            run.discrete.write(&mut values.view_mut(), layout.clocked.at);
-            return false;
-        };
-        discrete.write(&mut values.view_mut(), layout.clocked.at);
-        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        p.outputs(At { time, state, inputs, derived, discrete }).write(&mut values.view_mut(), layout.outputs.at);
-        true
     }
 
     /// Takes a step in which the clocks tick. If this fails, restores the values, the discrete state and the schedules.
