@@ -289,7 +289,7 @@ fn a_tick_can_change_the_continuous_state() {
         // The position rose above 0.5 m at the tick.
         assert_eq!(fmu.whole("crossings"), 1);
         assert!(!fmu.0.get_clock(reference::<Sampled3>("kick")).unwrap());
-        assert_eq!(fmu.0.new_discrete_states().unwrap().states_changed, false);
+        assert!(!fmu.0.new_discrete_states().unwrap().states_changed);
     }
 }
 

@@ -103,10 +103,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             clocks::update_intervals(M::CLOCKS, run.schedules.as_mut(), layout, values, ctx.time)?;
         }
         let mut ticks = 0;
-        while !step.importer_ticks {
+        loop {
             let (next, shortest) = clocks::next(run.schedules.as_ref(), step.step);
             // A tick at the end belongs to the next step.
-            if next >= end - slack(shortest, end) {
+            if step.importer_ticks || next >= end - slack(shortest, end) {
                 break;
             }
             if next > progress.time + slack(shortest, progress.time) {
