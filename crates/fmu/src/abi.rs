@@ -200,6 +200,8 @@ fn words(payload: &(dyn Any + Send)) -> &str {
 struct Call<E>(Function, PhantomData<E>);
 
 impl<E: Export> Call<E> {
+    #[cold]
+    #[inline(never)]
     fn error(&self, message: impl Display) -> CallError {
         CallError::Error(format!("{}: {message}", self.0.name(E::FORMAT.version)))
     }
@@ -293,6 +295,16 @@ fn run<E: Export>(
         f(handle, &call)
     }));
     float_environment::leave(callers);
+    match result {
+        Ok(Ok(())) => Status::Ok,
+        result => failed(handle, function, result),
+    }
+}
+
+/// Logs why a call failed, and returns its status. Not inlined, because a library would contain a copy for each function.
+#[cold]
+#[inline(never)]
+fn failed<E: Export>(handle: &mut Handle<E>, function: Function, result: std::thread::Result<CallResult>) -> Status {
     let (status, category, message) = match result {
         Ok(Ok(())) => return Status::Ok,
         Ok(Err(CallError::Error(message))) => (Status::Error, LOG_ERROR, message),

@@ -221,11 +221,15 @@ macro_rules! calls {
             pub const ALL: &[Function] = &[$(Self::$function),*];
 
             /// Name in the C interface of a version; empty if the version does not have the function.
-            pub const fn name(self, version: Version) -> &'static str {
-                match (self, version) { $(
-                    (Self::$function, Version::Fmi2) => $two,
-                    (Self::$function, Version::Fmi3) => $three,
-                )* }
+            pub fn name(self, version: Version) -> &'static str {
+                // One text per version: a table of names needs more memory in the library, and a `match` more code.
+                let names = [concat!($($two, " ",)*), concat!($($three, " ",)*)];
+                names[version as usize].split(' ').nth(self as usize).unwrap_or_default()
+            }
+
+            /// True if the function reads values in FMI 3.0.
+            pub(crate) const fn reads(self) -> bool {
+                matches!(match self { $(Self::$function => $three),* }.as_bytes(), [_, _, _, _, b'G', b'e', b't', ..])
             }
 
             const fn modes(self) -> [u16; 5] {

@@ -1,7 +1,7 @@
 //! Co-simulation in FMI 3.0: communication steps that pause for intermediate updates.
 
 use super::{CallResult, Instance};
-use crate::calls::{Function, Mode, Version};
+use crate::calls::{Function, Mode};
 use crate::runner::{Model, Progress, Step};
 
 /// A communication step that pauses after each integrator step. Its memory is used again for the next step.
@@ -110,8 +110,7 @@ impl<M: Model> Instance<M> {
 const READING: u128 = {
     let (mut functions, mut at) = (0, 0);
     while at < Function::ALL.len() {
-        let name = Function::ALL[at].name(Version::Fmi3).as_bytes();
-        if name.len() > 7 && name[4] == b'G' && name[5] == b'e' && name[6] == b't' {
+        if Function::ALL[at].reads() {
             functions |= 1 << Function::ALL[at] as u32;
         }
         at += 1;
