@@ -387,7 +387,9 @@ impl Schedule {
 
     /// Lets an aperiodic clock tick `after` s after `time`.
     fn start(&mut self, time: f64, after: f64) {
-        (self.next, self.from, self.interval, self.is_new) = (time + after, time, after, true);
+        // In scheduled execution, a clock may have been activated at a later time than the one that starts it.
+        let next = (time + after).max(self.last);
+        (self.next, self.from, self.interval, self.is_new) = (next, time, after, true);
     }
 
     /// The interval that an importer asks for at `time`, in s.

@@ -377,6 +377,22 @@ fn the_published_model_counts_its_ticks() {
     assert_eq!(other.error(), "fmi3ActivateModelPartition called in Terminated, allowed in Clock Activation Mode");
 }
 
+/// The times of activations increase for each clock, not from clock to clock (FMI 3.0.2, section 5.2.2): the clock that
+/// starts a countdown may tick at an earlier time than the countdown clock has ticked. The fuzzer found that such a state
+/// was rejected.
+#[test]
+fn a_state_is_restored_after_a_countdown_was_started_in_the_past() {
+    let run = Scheduled::<Clocks>::ready(|_| {});
+    assert_eq!(run.activate("inClock3", 5.25), Status::Ok);
+    assert_eq!(run.activate("inClock1", 4.0), Status::Ok);
+    let (bytes, mut state) = (run.bytes(), null_mut());
+    // SAFETY: a live component, and bytes of this length.
+    let status =
+        unsafe { fmi3::deserialize_fmu_state::<Clocks>(run.component, bytes.as_ptr(), bytes.len(), &mut state) };
+    assert_eq!(status, Status::Ok, "{}", run.error());
+    assert_eq!(interval::<Clocks>(run.component, "inClock3"), (0.0, 2));
+}
+
 static LOCKS: AtomicI64 = AtomicI64::new(0);
 static UNLOCKS: AtomicI64 = AtomicI64::new(0);
 
