@@ -6,16 +6,17 @@
 //! are finite. For some calls, it is also checked that a rejected call does not change the saved state.
 //!
 //! An FMU cannot detect the following mistakes, so they are not covered: arrays that are shorter than stated, strings
-//! without a terminating zero, freed instances, and calls of one instance from two threads.
+//! without a terminating zero, freed instances and, except in [scheduled execution](fuzz_scheduled), calls of one
+//! instance from two threads.
 
 use crate::Fmu;
 use crate::raw::{Arguments, DISCARD, ERROR, Entry, EventArguments, OK, Raw, RawInstance, RawState, in_version};
 use crate::signals::Random;
 use crate::state_bytes::checksum;
 use fmu_import::c_api::{self, RawStatus, Reference};
-use fmu_import::description::{Causality, DataType, FmiVersion, Interface, Value};
-use modes::{FAILED, INSTANTIATED, Mode};
-use std::collections::{BTreeMap, VecDeque};
+use fmu_import::description::{Causality, DataType, Dimension, FmiVersion, Interface, Value};
+use modes::{CONFIGURATION, FAILED, INSTANTIATED, Mode, RECONFIGURATION};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ffi::{CStr, CString};
 use std::time::{Duration, Instant};
 
@@ -23,8 +24,11 @@ mod arguments;
 mod exchange;
 mod modes;
 mod questions;
+mod scheduled;
 mod states;
 mod values;
+
+pub use scheduled::fuzz_scheduled;
 
 /// Number of calls that are shown after a violation.
 const SHOWN: usize = 50;
@@ -81,16 +85,26 @@ pub struct Violation {
 struct Spec {
     reference: Reference,
     data_type: DataType,
-    /// Number of elements.
-    size: usize,
+    /// Length of each dimension of an array.
+    dimensions: Vec<Length>,
     start: f64,
     limits: [f64; 2],
+}
+
+/// Length of an array in one dimension.
+#[derive(Clone, Copy)]
+enum Length {
+    Fixed(usize),
+    /// The value of a structural parameter, by its position in [`Fuzzer::structural`].
+    Parameter(usize),
 }
 
 struct Slot<'a> {
     instance: RawInstance<'a>,
     interface: Interface,
-    events: EventArguments<'static>,
+    events: EventArguments<'a>,
+    /// Values of the structural parameters.
+    lengths: Vec<u64>,
     name: Vec<u8>,
     has_logger: bool,
     /// True if the instance logs all categories, including discarded calls.
@@ -136,6 +150,12 @@ struct Fuzzer<'a> {
     known: Vec<Reference>,
     states: Vec<Reference>,
     indicators: usize,
+    /// Structural parameters that are lengths of arrays, with their start values.
+    structural: Vec<(Reference, u64)>,
+    /// Clocks, and whether an importer may activate them.
+    clocks: Vec<(Reference, bool)>,
+    /// Variables that an importer may read in intermediate updates; empty if the FMU has none.
+    intermediate: &'a [Reference],
     /// True if the FMU has Event Mode in FMI 3.0 co-simulation.
     has_event_mode: bool,
     /// 1 if the model can end the simulation.
@@ -219,6 +239,27 @@ pub fn fuzz(
 ) -> Result<Report, Violation> {
     let version = fmu.description.fmi;
     let variables = &fmu.description.variables;
+    let lengths: Vec<_> = variables
+        .iter()
+        .flat_map(|variable| &variable.dimensions)
+        .filter_map(|dimension| match dimension {
+            Dimension::Parameter(at) => Some(*at),
+            Dimension::Fixed(_) => None,
+        })
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .collect();
+    let length = |dimension: &Dimension| match *dimension {
+        Dimension::Fixed(length) => Length::Fixed(length),
+        Dimension::Parameter(at) => {
+            Length::Parameter(lengths.iter().position(|&other| other == at).expect("listed above"))
+        }
+    };
+    let structural = lengths.iter().map(|&at| match variables[at].start {
+        Some(Value::Integer(start)) => (variables[at].reference, start as u64),
+        _ => panic!("a length without a start value"),
+    });
+    let outputs = fmu.references(Causality::Output);
     let specs = variables.iter().filter(|variable| variable.causality != Causality::Independent).map(|variable| Spec {
         reference: variable.reference,
         data_type: match variable.data_type {
@@ -226,7 +267,7 @@ pub fn fuzz(
             DataType::Enumeration if version == FmiVersion::V2 => DataType::Int32,
             data_type => data_type,
         },
-        size: variable.size,
+        dimensions: variable.dimensions.iter().map(length).collect(),
         start: match variable.start {
             Some(Value::Real(start)) => start,
             Some(Value::Integer(start)) => start as f64,
@@ -251,6 +292,14 @@ pub fn fuzz(
         unknown: derivatives.chain(fmu.references(Causality::Output)).collect(),
         known: states.iter().copied().chain(fmu.references(Causality::Input)).collect(),
         states,
+        structural: structural.collect(),
+        clocks: fmu
+            .description
+            .clocks
+            .iter()
+            .map(|clock| (clock.reference, clock.causality == Causality::Input))
+            .collect(),
+        intermediate: if version == FmiVersion::V3 && fmu.is_plant() { &outputs } else { &[] },
         indicators: fmu.description.number_of_event_indicators,
         has_scheduled_execution: fmu.description.has_scheduled_execution,
         has_event_mode: fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode),
@@ -348,7 +397,7 @@ impl<'a> Fuzzer<'a> {
     /// The bytes of an instance's state; `None` if the state cannot be saved. All values are read first, because some
     /// are computed only when they are first needed.
     fn content(&mut self, at: usize) -> Checked<Option<Vec<u8>>> {
-        if self.slots[at].mode == FAILED || !self.slots[at].has_logger {
+        if [FAILED, CONFIGURATION, RECONFIGURATION].contains(&self.slots[at].mode) || !self.slots[at].has_logger {
             return Ok(None);
         }
         if self.slots[at].mode != INSTANTIATED || self.version == FmiVersion::V3 {
@@ -436,6 +485,7 @@ impl<'a> Fuzzer<'a> {
             format!("{name} returned {status} and left {found}, expected {expected:?}: {message}")
         })?;
         self.slots[at].mode = found;
+        self.check_lengths(at, function, status)?;
         if status != OK
             && found != FAILED
             && let Some(before) = before
@@ -451,7 +501,8 @@ impl<'a> Fuzzer<'a> {
     /// Replaces one of the instances with a new one.
     fn instantiate(&mut self) -> Checked {
         let is_right = !self.chance(8);
-        let has_logger = !self.chance(20);
+        // Without a logger, the FMU state is unknown, and thereby the number of elements of arrays.
+        let has_logger = !self.structural.is_empty() || !self.chance(20);
         let logging_on = self.pick(&[0, 1, -1, i32::MAX]);
         let name = if self.chance(3) { self.text() } else { Some(c"unit \xe2\x82\xac 100%".to_owned()) };
         let mut guid = Some(CString::new(self.raw.guid()).expect("no zeros"));
@@ -463,13 +514,14 @@ impl<'a> Fuzzer<'a> {
         if self.version == FmiVersion::V3 && interface == Interface::CoSimulation {
             let may_use_events = self.has_event_mode || self.chance(8);
             (events.mode_used, events.early_return) = (may_use_events && self.chance(2), self.chance(2));
+            events.updates = (!self.intermediate.is_empty() && self.chance(2)).then_some(self.intermediate);
         }
         if !is_right {
             match self.random.below(5) {
                 0 => guid = self.text(),
                 1 => resources = self.text(),
                 2 => kind = self.integer(),
-                3 => events.intermediate_variables = 3,
+                3 => (events.intermediate_variables, events.updates) = (3, None),
                 _ => callbacks = false,
             }
         }
@@ -517,12 +569,14 @@ impl<'a> Fuzzer<'a> {
                     "an error was logged".to_owned()
                 })?;
                 if is_scheduled {
-                    return Ok(()); // freed: `crates/fmu` tests scheduled execution
+                    return Ok(()); // freed: see `fuzz_scheduled`
                 }
                 let all_logged = logging_on != 0;
                 let (states, freed, interface) = (Vec::new(), Vec::new(), found.unwrap_or(interface));
                 let mode = INSTANTIATED;
-                let slot = Slot { instance, interface, events, name, has_logger, all_logged, mode, states, freed };
+                let lengths = self.structural.iter().map(|(_, start)| *start).collect();
+                let slot =
+                    Slot { lengths, instance, interface, events, name, has_logger, all_logged, mode, states, freed };
                 if self.slots.len() < INSTANCES {
                     self.slots.push(slot);
                 } else {
@@ -551,6 +605,7 @@ impl<'a> Fuzzer<'a> {
         let at = self.index(INSTANCES);
         let is_exchange = self.slots[at].interface == Interface::ModelExchange;
         match self.random.below(100) {
+            0..40 if self.is_configuring(at) => self.set_length(at),
             0..20 if is_exchange => self.exchange(at),
             0..20 => self.do_step(at),
             20..32 => self.get_real(at),

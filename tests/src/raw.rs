@@ -28,6 +28,7 @@ pub use events::{DerivativeArrays, UpdateFlags};
 pub use float_environment::FloatEnvironment;
 pub use names::in_version;
 pub use types::TYPES_WITHOUT_VARIABLES;
+pub use updates::{Shared, locks};
 
 /// `fmi2OK`.
 pub const OK: RawStatus = 0;
@@ -83,6 +84,8 @@ pub struct EventArguments<'a> {
     /// requiredIntermediateVariables of an instance with a callback; steps are made with
     /// [`RawInstance::step_with_updates`].
     pub updates: Option<&'a [Reference]>,
+    /// True if an instance for scheduled execution gets callbacks; activations are made with [`RawInstance::activate`].
+    pub schedules: bool,
 }
 
 /// An instance; freed when dropped.
@@ -320,15 +323,15 @@ impl Raw {
             bool,
             *mut c_void,
             Logger,
-            *const c_void,
-            *const c_void,
-            *const c_void,
+            Option<unsafe extern "C" fn(*mut c_void)>,
+            Option<unsafe extern "C" fn()>,
+            Option<unsafe extern "C" fn()>,
         ) -> Component;
         let text = |text: Option<&CStr>| text.map_or(ptr::null(), CStr::as_ptr);
         let (name, token, resources) = (text(arguments.name), text(arguments.guid), text(arguments.resources));
         let environment = log.map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast());
         let logger: Logger = log.map(|_| note_fmi3 as c_api::v3::LogMessage);
-        let EventArguments { mode_used, early_return, intermediate_variables, updates } = arguments.events;
+        let EventArguments { mode_used, early_return, intermediate_variables, updates, schedules } = arguments.events;
         let (required, count) =
             updates.map_or((ptr::null(), intermediate_variables), |required| (required.as_ptr(), required.len()));
         let update = updates.map(|_| updates::update as IntermediateUpdate);
@@ -359,8 +362,13 @@ impl Raw {
                 }
                 _ => {
                     let make: Scheduled = self.function("fmi3InstantiateScheduledExecution");
-                    let none = ptr::null();
-                    make(name, token, resources, false, logging_on, environment, logger, none, none, none)
+                    let (update, lock, unlock) = match schedules {
+                        true => {
+                            (Some(updates::clock_update as _), Some(updates::lock as _), Some(updates::unlock as _))
+                        }
+                        false => (None, None, None),
+                    };
+                    make(name, token, resources, false, logging_on, environment, logger, update, lock, unlock)
                 }
             }
         }
@@ -391,14 +399,29 @@ impl Element for f64 {
     const NAMES: [&'static str; 2] = ["Real", "Float64"];
 }
 
-impl Element for i64 {
-    const NAMES: [&'static str; 2] = ["", "Int64"];
+macro_rules! elements_of_fmi3 {
+    ($($type:ty: $name:literal;)*) => {$(
+        impl Element for $type {
+            const NAMES: [&'static str; 2] = ["", $name];
+        }
+    )*};
+}
+elements_of_fmi3! {
+    f32: "Float32";
+    i8: "Int8";
+    Octet: "UInt8";
+    i16: "Int16";
+    u16: "UInt16";
+    u32: "UInt32";
+    i64: "Int64";
+    u64: "UInt64";
+    u8: "Boolean";
 }
 
-/// fmi3Boolean.
-impl Element for u8 {
-    const NAMES: [&'static str; 2] = ["", "Boolean"];
-}
+/// Distinguishes fmi3UInt8 from fmi3Boolean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct Octet(pub u8);
 
 /// Distinguishes fmi2Boolean from fmi2Integer; both are C's int.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! Calls FMUs in ways that no master should, and checks the responses: see `tests::fuzz`.
 //!
-//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes at least N calls to each
-//! interface of each FMU, or to one interface only, and spends at least T seconds on each. Additional calls check the
+//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me|se] [--verbose] FMU...` makes at least N calls to each
+//! interface of each FMU, or to one interface only, and spends at least T seconds on each. Scheduled execution is called
+//! from up to three threads; the FMU must then be the example Clocks. Additional calls check the
 //! effects. FMUs of FMI 2.0 and FMI 3.0 can be mixed. Equal seeds and FMUs give equal calls. It prints how often each
 //! function succeeded, was discarded and was rejected. At the first violation, it prints the seed and the last calls,
 //! and exits with 1. With `--verbose`, it prints every call before it is made, which shows a call that ends the
@@ -12,16 +13,17 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tests::Fmu;
-use tests::fuzz::{Report, fuzz, interfaces, state};
+use tests::fuzz::{Report, fuzz, fuzz_scheduled, interfaces, state};
 use tests::raw::Raw;
 
-const USAGE: &str = "usage: fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...";
+const USAGE: &str = "usage: fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me|se] [--verbose] FMU...";
 
 struct Options {
     calls: u64,
     least: Duration,
     seed: u64,
-    interface: Option<Interface>,
+    /// Names of the interfaces to call.
+    interfaces: Vec<String>,
     is_verbose: bool,
     fmus: Vec<String>,
 }
@@ -31,7 +33,7 @@ fn options() -> Option<Options> {
         calls: 100_000,
         least: Duration::ZERO,
         seed: 1,
-        interface: None,
+        interfaces: ["cs", "me", "se"].map(str::to_owned).to_vec(),
         is_verbose: false,
         fmus: Vec::new(),
     };
@@ -41,19 +43,14 @@ fn options() -> Option<Options> {
             "--calls" => options.calls = arguments.next()?.parse().ok()?,
             "--seconds" => options.least = Duration::try_from_secs_f64(arguments.next()?.parse().ok()?).ok()?,
             "--seed" => options.seed = arguments.next()?.parse().ok()?,
-            "--interface" => {
-                options.interface = Some(match arguments.next()?.as_str() {
-                    "cs" => Interface::CoSimulation,
-                    "me" => Interface::ModelExchange,
-                    _ => return None,
-                });
-            }
+            "--interface" => options.interfaces = vec![arguments.next()?],
             "--verbose" => options.is_verbose = true,
             option if option.starts_with('-') => return None,
             fmu => options.fmus.push(fmu.to_owned()),
         }
     }
-    (!options.fmus.is_empty()).then_some(options)
+    let is_known = options.interfaces.iter().all(|name| ["cs", "me", "se"].contains(&name.as_str()));
+    (is_known && !options.fmus.is_empty()).then_some(options)
 }
 
 fn main() -> ExitCode {
@@ -68,13 +65,28 @@ fn main() -> ExitCode {
     let raws: Vec<_> = fmus.iter().map(Raw::load).collect();
     let runs = || fmus.iter().zip(&raws).flat_map(|(fmu, raw)| interfaces(fmu).into_iter().map(move |i| (fmu, raw, i)));
     let states: Vec<_> = runs().map(|(_, raw, interface)| (raw.guid(), state(raw, interface))).collect();
-    for (fmu, raw, interface) in runs().filter(|(.., interface)| options.interface.is_none_or(|one| one == *interface))
-    {
+    let is_wanted = |name: &str| options.interfaces.iter().any(|wanted| wanted == name);
+    let name_of = |interface| if interface == Interface::CoSimulation { "cs" } else { "me" };
+    let unscheduled = runs().filter(|(.., interface)| is_wanted(name_of(*interface)));
+    let scheduled =
+        fmus.iter().zip(&raws).filter(|(fmu, _)| fmu.description.has_scheduled_execution && is_wanted("se"));
+    let all_runs = unscheduled.map(|(fmu, raw, interface)| (fmu, raw, Some(interface)));
+    for (fmu, raw, interface) in all_runs.chain(scheduled.map(|(fmu, raw)| (fmu, raw, None))) {
         let others = states.iter().filter(|(guid, _)| *guid != fmu.description.guid);
         let foreign: Vec<_> = others.map(|(_, bytes)| bytes.clone()).collect();
         let begin = Instant::now();
         let goes_on = |calls: u64| calls < options.calls || begin.elapsed() < options.least;
-        match fuzz((fmu, raw), interface, &foreign, options.seed, options.is_verbose, goes_on) {
+        let (result, interface) = match interface {
+            Some(interface) => (
+                fuzz((fmu, raw), interface, &foreign, options.seed, options.is_verbose, goes_on),
+                interface.to_string(),
+            ),
+            None => (
+                fuzz_scheduled((fmu, raw), options.seed, options.is_verbose, goes_on),
+                "scheduled execution".to_owned(),
+            ),
+        };
+        match result {
             Ok(report) => {
                 let (slowest, call) = &report.slowest;
                 println!(

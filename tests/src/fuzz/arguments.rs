@@ -1,6 +1,6 @@
 //! Random arguments.
 
-use super::{Fuzzer, Spec};
+use super::{Fuzzer, Length, Spec};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{DataType, FmiVersion};
 use std::ffi::CString;
@@ -81,9 +81,15 @@ impl Fuzzer<'_> {
         self.specs.iter().filter(move |spec| spec.data_type == data_type)
     }
 
-    /// The total number of values of these variables; 1 for an unknown variable.
-    pub(super) fn size(&self, references: &[Reference]) -> usize {
-        let size = |reference| self.specs.iter().find(|spec| spec.reference == reference).map_or(1, |spec| spec.size);
+    /// The total number of values of these variables in an instance; 1 for an unknown variable.
+    pub(super) fn size(&self, at: usize, references: &[Reference]) -> usize {
+        let lengths = &self.slots[at].lengths;
+        let length = |dimension: &Length| match *dimension {
+            Length::Fixed(length) => length,
+            Length::Parameter(parameter) => lengths[parameter] as usize,
+        };
+        let of = |spec: &Spec| spec.dimensions.iter().map(length).product();
+        let size = |reference| self.specs.iter().find(|spec| spec.reference == reference).map_or(1, of);
         if self.version == FmiVersion::V2 { references.len() } else { references.iter().copied().map(size).sum() }
     }
 

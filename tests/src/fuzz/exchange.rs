@@ -43,7 +43,8 @@ impl Fuzzer<'_> {
 
     /// Values for the states, usually valid ones.
     fn state_values(&mut self, at: usize) -> Vec<f64> {
-        let states = self.states.clone();
+        let states: Vec<_> =
+            (self.states.iter()).flat_map(|&state| std::iter::repeat_n(state, self.size(at, &[state]))).collect();
         let mut values = vec![0.0; states.len()];
         let status = self.slots[at].instance.numbers("fmi2GetContinuousStates", Some(&mut values), states.len());
         let _ = self.slots[at].instance.take_log();
@@ -96,7 +97,7 @@ impl Fuzzer<'_> {
     fn numbers(&mut self, at: usize) -> Checked {
         let Numbers { function, is_of_states, may_be_discarded, is_positive } =
             NUMBERS[self.random.below(NUMBERS.len() as u64) as usize];
-        let expected = if is_of_states { self.states.len() } else { self.indicators };
+        let expected = if is_of_states { self.size(at, &self.states) } else { self.indicators };
         let count = self.length(expected);
         let mut values = vec![MARK; expected + 2];
         let is_null = self.chance(40);

@@ -1,5 +1,6 @@
 //! Derivatives, status and logging.
 
+use super::modes::{EVENT, INITIALIZATION};
 use super::{Checked, Fuzzer, MARK, Next, ensure};
 use crate::raw::{self, DerivativeArrays, ERROR, OK, RawInstance, TYPES_WITHOUT_VARIABLES};
 use fmu_import::c_api::Reference;
@@ -72,7 +73,7 @@ impl Fuzzer<'_> {
         if kind == 0 {
             let order = if self.chance(4) { self.integer() } else { 1 };
             let orders = vec![order; unknown.len()];
-            let mut values = vec![MARK; self.size(&unknown).max(unknown.len())];
+            let mut values = vec![MARK; self.size(at, &unknown).max(unknown.len())];
             let (function, text) = ("fmi2GetRealOutputDerivatives", format!("{unknown:?} {orders:?}"));
             let status = self.call(at, function, text, Next::Same, |instance| {
                 instance.output_derivatives(&unknown, &orders, &mut values)
@@ -85,7 +86,7 @@ impl Fuzzer<'_> {
         }
         let is_adjoint = kind < 3;
         let function = if is_adjoint { "fmi3GetAdjointDerivative" } else { "fmi2GetDirectionalDerivative" };
-        let (unknowns, knowns) = (self.size(&unknown), self.size(&known));
+        let (unknowns, knowns) = (self.size(at, &unknown), self.size(at, &known));
         let (seeds, results) = if is_adjoint { (unknowns, knowns) } else { (knowns, unknowns) };
         let seed: Vec<_> = (0..=seeds).map(|_| if self.chance(20) { self.wild() } else { 1.0 }).collect();
         let mut result = vec![MARK; results + 2];
@@ -146,7 +147,7 @@ impl Fuzzer<'_> {
             1 | 2 => {
                 let of_states = self.chance(2);
                 let (function, expected) = if of_states {
-                    ("fmi3GetNumberOfContinuousStates", self.states.len())
+                    ("fmi3GetNumberOfContinuousStates", self.size(at, &self.states))
                 } else {
                     ("fmi3GetNumberOfEventIndicators", self.indicators)
                 };
@@ -160,10 +161,13 @@ impl Fuzzer<'_> {
             }
             3 if self.slots[at].interface == Interface::CoSimulation => self.exchange(at),
             3 => self.do_step(at),
+            4 if !self.clocks.is_empty() => self.clocks(at),
             _ => {
                 const MARK: u64 = 0xa5a5_a5a5_a5a5_a5a5;
                 let kind = self.pick(&TYPES_WITHOUT_VARIABLES);
-                let references = self.references(DataType::Float64);
+                // A Float64, which none of these functions accepts. The type of an array without elements is not checked.
+                let real = self.reals().into_iter().find(|&real| self.size(at, &[real]) > 0);
+                let references = vec![real.unwrap_or(Reference::MAX); self.random.below(4) as usize];
                 let count = self.count(references.len());
                 let mut values = vec![MARK; references.len() + 1];
                 let value_count = if self.chance(8) { self.index(references.len() + 2) } else { references.len() };
@@ -176,6 +180,62 @@ impl Fuzzer<'_> {
                 ensure(values.iter().all(|value| *value == MARK), || format!("{} wrote {values:?}", kind.0))
             }
         }
+    }
+
+    /// Functions of clocks.
+    pub(super) fn clocks(&mut self, at: usize) -> Checked {
+        const TIME: f64 = -7.25e77;
+        let mut clocks = self.clocks.clone();
+        clocks.retain(|(_, is_input)| *is_input || self.random.below(8) == 0);
+        let chosen: Vec<_> = (0..1 + self.random.below(3)).map(|_| self.pick(&clocks)).collect();
+        let references: Vec<_> = chosen.iter().map(|(reference, _)| *reference).collect();
+        let (are_inputs, mode) = (chosen.iter().all(|(_, is_input)| *is_input), self.slots[at].mode);
+        let is_in = |modes: &[&str]| modes.contains(&mode) || !self.slots[at].has_logger;
+        let (is_event, is_early) = (is_in(&[EVENT]), is_in(&[EVENT, INITIALIZATION]));
+        let (length, text) = (references.len(), format!("{references:?}"));
+        let (function, status, is_allowed, is_right) = match self.random.below(6) {
+            0 | 1 => {
+                let mut values: Vec<_> = references.iter().map(|_| self.random.below(2) as u8).collect();
+                let function = "fmi3SetClock";
+                let text = format!("{text} {values:?}");
+                let status = self.call(at, function, text, Next::Same, |instance| {
+                    instance.clocks(function, &references, Some(&mut values))
+                })?;
+                (function, status, is_event && are_inputs, true)
+            }
+            2 | 3 => {
+                let (mut values, function) = (vec![77; length], "fmi3GetClock");
+                let status = self.call(at, function, text, Next::Same, |instance| {
+                    instance.clocks(function, &references, Some(&mut values))
+                })?;
+                let is_right = values.iter().all(|value| if status == OK { *value < 2 } else { *value == 77 });
+                (function, status, is_event, is_right)
+            }
+            4 => {
+                let (mut times, mut qualifiers) = (vec![TIME; length], vec![77; length]);
+                let function = "fmi3GetIntervalDecimal";
+                let status = self.call(at, function, text, Next::Same, |instance| {
+                    instance.intervals(&references, Some(&mut times), Some(&mut qualifiers))
+                })?;
+                let is_right = times.iter().zip(&qualifiers).all(|(time, qualifier)| match status {
+                    OK => time.is_finite() && *time >= 0.0 && (0..3).contains(qualifier),
+                    _ => (*time, *qualifier) == (TIME, 77),
+                });
+                (function, status, is_early && are_inputs, is_right)
+            }
+            _ => {
+                let mut times: Vec<_> = references.iter().map(|_| self.wild()).collect();
+                let function = self.pick(&["fmi3GetShiftDecimal", "fmi3SetShiftDecimal", "fmi3SetIntervalDecimal"]);
+                let status = self.call(at, function, format!("{text} {times:?}"), Next::Same, |instance| {
+                    instance.clock_times(function, &references, Some(&mut times))
+                })?;
+                let is_right = status != OK || times.iter().all(|time| time.is_finite() && *time >= 0.0);
+                (function, status, is_early && are_inputs, is_right)
+            }
+        };
+        ensure((status != OK || is_allowed) && is_right, || {
+            format!("{function} in {mode} returned {status} for {references:?}, or wrote wrong values")
+        })
     }
 
     pub(super) fn status(&mut self, at: usize) -> Checked {

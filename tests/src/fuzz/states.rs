@@ -29,6 +29,7 @@ impl Fuzzer<'_> {
     }
 
     pub(super) fn state(&mut self, at: usize) -> Checked {
+        let is_closed = self.is_configuring(at);
         match self.random.below(12) {
             0..3 => self.save(at),
             3..6 => {
@@ -37,7 +38,8 @@ impl Fuzzer<'_> {
                 let text = format!("{what} {place:?}");
                 let next = mode.map_or(Next::Any, Next::To);
                 let status = self.call(at, "fmi2SetFMUstate", text, next, |instance| instance.set_state(state))?;
-                ensure((status == OK) == place.is_some(), || format!("fmi2SetFMUstate, {what}, returned {status}"))
+                let is_due = place.is_some() && !is_closed;
+                ensure((status == OK) == is_due, || format!("fmi2SetFMUstate, {what}, returned {status}"))
             }
             6 => self.free(at),
             7..9 => self.serialize(at),
@@ -73,7 +75,7 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?}");
         let status =
             self.call(at, "fmi2GetFMUstate", text, Next::Same, |instance| instance.get_state(Some(&mut state)))?;
-        let is_due = (before.is_null() || place.is_some()) && mode != Some(FAILED);
+        let is_due = (before.is_null() || place.is_some()) && mode != Some(FAILED) && !self.is_configuring(at);
         ensure(mode.is_none() || (status == OK) == is_due, || {
             format!("fmi2GetFMUstate into a state, {what}, returned {status}")
         })?;
@@ -91,10 +93,10 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?}");
         let status =
             self.call(at, "fmi2FreeFMUstate", text, Next::Same, |instance| instance.free_state(Some(&mut state)))?;
-        let is_due = before.is_null() || place.is_some();
+        let is_due = (before.is_null() || place.is_some()) && !self.is_configuring(at);
         ensure((status == OK) == is_due, || format!("fmi2FreeFMUstate, {what}, returned {status}"))?;
         ensure(state.is_null() || (status != OK && state == before), || "another pointer".to_owned())?;
-        if let Some(place) = place {
+        if let Some(place) = place.filter(|_| status == OK) {
             self.slots[at].states.remove(place);
             self.slots[at].freed = vec![before];
         }
@@ -110,7 +112,10 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?} {has_target}");
         let function = "fmi2SerializedFMUstateSize";
         let status = self.call(at, function, text, Next::Same, |instance| instance.state_size(state, target))?;
-        ensure((status == OK) == (place.is_some() && has_target), || format!("{function} returned {status}"))?;
+        let is_open = !self.is_configuring(at);
+        ensure((status == OK) == (place.is_some() && has_target && is_open), || {
+            format!("{function} returned {status}")
+        })?;
         if size == usize::MAX - 1 {
             size = 100;
         }
@@ -119,7 +124,7 @@ impl Fuzzer<'_> {
         let size = if self.chance(6) { wrong } else { size };
         let mut bytes = vec![MARK; size + 8];
         let target = if self.chance(40) { None } else { Some(bytes.as_mut_slice()) };
-        let is_due = place.is_some() && size >= needed && target.is_some();
+        let is_due = place.is_some() && size >= needed && target.is_some() && is_open;
         let text = format!("{what} {place:?} {size} {}", target.is_some());
         let function = "fmi2SerializeFMUstate";
         let status = self.call(at, function, text, Next::Same, |instance| instance.serialize(state, target, size))?;
@@ -216,6 +221,7 @@ impl Fuzzer<'_> {
         let status = self
             .call(at, function, text, Next::Same, |instance| instance.deserialize(source, count, Some(&mut state)))?;
         let fits = !is_null && count == bytes.len() && (before.is_null() || place.is_some());
+        let fits = fits && !self.is_configuring(at);
         let is_due = is_due.map(|is_due| is_due && fits);
         ensure(is_due.is_none_or(|is_due| (status == OK) == is_due), || {
             format!("{function}, {what}, returned {status}")
@@ -253,7 +259,7 @@ impl Fuzzer<'_> {
     /// value of a real variable.
     pub(super) fn craft(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
-        let reals = self.reals().0;
+        let reals = self.reals();
         match self.random.below(4) {
             0 => {
                 let clock = Place::of(self.raw.guid()).clock();
