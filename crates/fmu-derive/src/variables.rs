@@ -289,16 +289,21 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
                 <<#ty as #root::Field<#number>>::Start>::listed::<#count>([#(#each),*])
             }
         }
-        (Some(inner), Expr::Lit(_) | Expr::Unary(_)) => {
+        (_, Expr::Path(path)) if path.path.is_ident("identity") => quote_spanned!(span=> #root::start(#root::Identity)),
+        // `From` wraps a value for the innermost arrays only.
+        (Some(inner), start) if is_literal(start) || element(inner).is_some() => {
             let all = start_value(inner, start, root, number);
             quote_spanned!(span=> #root::Starts::All(#all))
         }
-        (None, Expr::Lit(_) | Expr::Unary(_)) if is_number_of_another_type(ty, start) => {
+        (None, start) if is_literal(start) && is_number_of_another_type(ty, start) => {
             quote_spanned!(span=> #root::number(#start))
         }
-        (_, Expr::Path(path)) if path.path.is_ident("identity") => quote_spanned!(span=> #root::start(#root::Identity)),
         _ => quote_spanned!(span=> #root::start(#start)),
     }
+}
+
+fn is_literal(start: &Expr) -> bool {
+    matches!(start, Expr::Lit(_) | Expr::Unary(_))
 }
 
 /// True for a number as the start value of an enumeration or a type alias.

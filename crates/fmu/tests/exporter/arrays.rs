@@ -6,6 +6,7 @@ use fmu::testing::abi::Export;
 use fmu::testing::variable::Kind;
 
 use crate::models::{Carts, Fmu};
+use crate::numbers::Level;
 
 #[derive(Parameters)]
 pub(crate) struct Arrays {
@@ -163,4 +164,25 @@ fn elements_are_read_and_written_one_by_one() {
     for (name, expected) in [("x[1]", 0.5 + 1.0 + 2.0), ("x[2]", 2.0 - 1.0 + 3.0), ("inner.v[1,1]", 5.0)] {
         assert!((fmu.get(name) - expected).abs() < 1e-14, "{name}: {}", fmu.get(name));
     }
+}
+
+const ROW: [f64; 2] = [1.0, 2.0];
+
+#[derive(Parameters)]
+struct Nested {
+    /// Levels
+    #[var(start = Level::High)]
+    levels: [[Level; 2]; 3],
+    /// Cubes of levels
+    #[var(start = Level::High)]
+    cubes: [[[Level; 2]; 1]; 2],
+    /// Rows (1)
+    #[var(start = ROW)]
+    rows: [[f64; 2]; 3],
+}
+
+#[test]
+fn a_start_value_that_is_not_a_literal_is_that_of_all_elements() {
+    let Nested { levels, cubes, rows } = Nested::default();
+    assert_eq!((levels, cubes, rows), ([[Level::High; 2]; 3], [[[Level::High; 2]; 1]; 2], [ROW; 3]));
 }
