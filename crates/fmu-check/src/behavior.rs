@@ -17,7 +17,9 @@ mod values;
 
 use super::{Checked, Event, Finding, Options, Severity, Topic};
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, FmiVersion, Interface, ModelDescription, Value, Variable};
+use fmu_import::description::{
+    BaseType, Causality, DataType, FmiVersion, Interface, ModelDescription, Value, Variable,
+};
 use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -321,7 +323,7 @@ impl Trial<'_> {
         let value = |(j, &i): (usize, &usize)| {
             let start = self.start_of(i);
             // Each input has its own phase, so no two are ever equal.
-            start + 0.01 * size(start) * (0.7 * k as f64 + 1.3 * j as f64).sin()
+            moved(start, 0.01 * (0.7 * k as f64 + 1.3 * j as f64).sin(), self.variable(i).data_type)
         };
         self.inputs.iter().enumerate().map(value).collect()
     }
@@ -477,7 +479,28 @@ fn is_same_derivative(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
-/// Magnitude of a value, but at least 1. The trials change a value by a fraction of this magnitude.
-fn size(value: f64) -> f64 {
-    value.abs().max(1.0)
+/// The value, changed by a part of its magnitude, which is at least 1. Near the greatest number of the type, the change
+/// goes in the other direction, because infinities are invalid.
+fn moved(value: f64, part: f64, data_type: DataType) -> f64 {
+    let greatest = if data_type == DataType::Float32 { f64::from(f32::MAX) } else { f64::MAX };
+    let change = part * value.abs().max(1.0);
+    if (value + change).abs() <= greatest { value + change } else { value - change }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{DataType, moved};
+
+    #[test]
+    fn a_changed_value_is_finite_and_another_one() {
+        for (greatest, data_type) in [(f64::MAX, DataType::Float64), (f64::from(f32::MAX), DataType::Float32)] {
+            for value in [greatest, -greatest, 1e30, 0.0, -2.5] {
+                for part in [1e-3, -1e-3, 1.0, -1.0] {
+                    let other = moved(value, part, data_type);
+                    assert!(other.abs() <= greatest && other != value, "{value:e} by {part}: {other:e}");
+                }
+            }
+        }
+        assert_eq!([moved(3.0, 0.5, DataType::Float64), moved(0.5, -0.5, DataType::Float32)], [4.5, 0.0]);
+    }
 }

@@ -1,8 +1,8 @@
 //! Compares the dependencies that the model structure declares with those that the trials observe.
 
-use super::{CheckResult, Report, Trial, found, size, values};
+use super::{CheckResult, Report, Trial, found, moved, values};
 use crate::Finding;
-use fmu_import::description::{BaseType, Causality, Unknown, Value, Variable};
+use fmu_import::description::{BaseType, Causality, DataType, Unknown, Value, Variable};
 use fmu_import::loader::Instance;
 use std::collections::{BTreeSet, HashSet};
 
@@ -54,7 +54,10 @@ impl Trial<'_> {
     fn limits(&self) -> Vec<Choice> {
         let ends = |variable: &Variable| match variable.start {
             Some(Value::Real(start)) => {
-                let ends = [variable.min.unwrap_or(start - size(start)), variable.max.unwrap_or(start + size(start))];
+                let ends = [
+                    variable.min.unwrap_or_else(|| moved(start, -1.0, variable.data_type)),
+                    variable.max.unwrap_or_else(|| moved(start, 1.0, variable.data_type)),
+                ];
                 ends.into_iter().filter(|end| *end != start).collect()
             }
             _ => Vec::new(),
@@ -232,7 +235,7 @@ impl Search<'_> {
             let kept = trial.reals(instance, &[j])?[0];
             for sign in [1.0, -1.0] {
                 // A rejected value, perhaps outside of the limits, proves nothing.
-                if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
+                if trial.set(instance, &[j], &[moved(kept, sign * 1e-3, DataType::Float64)]).is_err() {
                     continue;
                 }
                 self.read += before.len();

@@ -7,7 +7,9 @@ use super::stack::{STACK, taken, warn_above_limit};
 use super::structure::{STRUCTURE, Structure, is_structural};
 use super::{CheckResult, Report, adjoint, derivative_problem, describe, found, instantiation, is_same_derivative};
 use crate::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
-use fmu_import::description::{BaseType, Capabilities, FmiVersion, Interface, ModelDescription, Value, Variable};
+use fmu_import::description::{
+    BaseType, Capabilities, DataType, FmiVersion, Interface, ModelDescription, Value, Variable,
+};
 use fmu_import::loader::{CallError, Instance, Library};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -280,7 +282,7 @@ impl Exchange<'_> {
         if self.indicators(&mut instance)?.iter().zip(&indicators).any(|(a, b)| a.to_bits() != b.to_bits()) {
             found(report, Finding::error(get_indicators, "gives another value for the same states in a second call"));
         }
-        let moved: Vec<f64> = states.iter().map(|state| state + 1e-3 * super::size(*state)).collect();
+        let moved: Vec<f64> = states.iter().map(|state| super::moved(*state, 1e-3, DataType::Float64)).collect();
         instance.set_continuous_states(&moved)?;
         let read = self.states(&mut instance)?;
         self.differs(report, &get_states, "what was set is", &read, &moved);
@@ -332,7 +334,7 @@ impl Exchange<'_> {
         let read = self.function("fmi2DeSerializeFMUstate", "fmi3DeserializeFMUState");
         let mut instance = self.started("state")?;
         let states = self.states(&mut instance)?;
-        let moved: Vec<f64> = states.iter().map(|state| state + 1e-3 * super::size(*state)).collect();
+        let moved: Vec<f64> = states.iter().map(|state| super::moved(*state, 1e-3, DataType::Float64)).collect();
         instance.set_continuous_states(&moved)?;
         let derivatives = self.derivatives(&mut instance)?;
         let saved = instance.save_state()?;

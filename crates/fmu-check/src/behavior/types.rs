@@ -1,7 +1,7 @@
 //! Inputs of the types that only FMI 3.0 has, at the limits of their types, and arrays.
 
 use super::values::is_same;
-use super::{CheckResult, Report, Trial, found, size};
+use super::{CheckResult, Report, Trial, found, moved};
 use crate::Finding;
 use fmu_import::description::{BaseType, Causality, DataType, FmiVersion, Value, Variable};
 use fmu_import::loader::Instance;
@@ -96,7 +96,7 @@ fn distinct(variable: &Variable) -> Vec<Value> {
     let is_float32 = variable.data_type == DataType::Float32;
     let other = |(index, start): (usize, &Value)| match start {
         Value::Real(start) => {
-            let value = start + 1e-3 * size(*start) * (index + 1) as f64;
+            let value = moved(*start, 1e-3 * (index + 1) as f64, variable.data_type);
             Some(Value::Real(if is_float32 { f64::from(value as f32) } else { value }))
         }
         Value::Integer(_) | Value::Unsigned(_) if variable.items.is_empty() => {

@@ -1,6 +1,6 @@
 //! Values of all types: reads the values of an FMU, and chooses other values to set.
 
-use super::{CheckResult, Trial, is_plain, size};
+use super::{CheckResult, Trial, is_plain, moved};
 use fmu_import::description::{Causality, DataType, Initial, Value, Variability, Variable};
 use fmu_import::loader::Instance;
 
@@ -113,7 +113,7 @@ pub(super) fn is_same(a: &Value, b: &Value) -> bool {
 /// limits.
 pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
     match value {
-        Value::Real(value) => [1e-3, -1e-3].map(|change| Value::Real(value + change * size(*value))).into(),
+        Value::Real(value) => [1e-3, -1e-3].map(|part| Value::Real(moved(*value, part, variable.data_type))).into(),
         _ => others(variable, value),
     }
 }
@@ -125,8 +125,8 @@ fn others(variable: &Variable, start: &Value) -> Vec<Value> {
         Value::Boolean(start) => vec![Value::Boolean(!start)],
         Value::String(start) => vec![Value::String(format!("{start}x"))],
         Value::Real(start) => {
-            let change = 1e-3 * size(*start);
-            let candidates = [start + change, start - change, 0.5 * (start + max), 0.5 * (start + min)];
+            let [above, below] = [1e-3, -1e-3].map(|part| moved(*start, part, variable.data_type));
+            let candidates = [above, below, 0.5 * (start + max), 0.5 * (start + min)];
             let is_other = |value: &f64| value.is_finite() && (min..=max).contains(value) && value != start;
             candidates.into_iter().filter(is_other).map(Value::Real).collect()
         }
