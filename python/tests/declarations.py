@@ -248,7 +248,7 @@ class Generator:
             variable.limits = (-1.5, 1e6)
         if not (variable.structural or variable.fmi) and is_free and len(model.versions) == 2 and rng.random() < 0.1:
             variable.fmi = rng.choice([2, 3])
-        # FMPy 0.3.32 expects the aliases of calculated variables among the initial unknowns.
+        # FMPy 0.3.32 expects the aliases of calculated variables among the initial unknowns (docs/validators.md).
         is_calculated = role == "derived" or (role == "output" and model.kind == "continuous" and not variable.constant)
         if not (variable.shape or is_calculated) and rng.random() < 0.2:
             variable.aliases = (f"alias{number}",)
