@@ -147,8 +147,10 @@ impl<M: Model> Instance<M> {
         let is_countdown = matches!(clock.timing, Timing::Countdown(_));
         let qualifier = match schedule.is_new {
             _ if is_countdown && schedule.next.is_infinite() => Qualifier::NotYetKnown,
-            // The importer sets the interval of other clocks.
-            true if !clock.timing.is_settable() => Qualifier::Changed,
+            // The importer knows the interval from the description.
+            true if !matches!(clock.timing, Timing::Periodic { interval: Interval::Constant(_), .. }) => {
+                Qualifier::Changed
+            }
             _ => Qualifier::Unchanged,
         };
         // In scheduled execution, an interval counts from the activation that has set it, whatever other threads do.
