@@ -218,7 +218,7 @@ pub fn state(raw: &Raw, interface: Interface) -> Vec<u8> {
 fn kind_of(interface: Interface) -> i32 {
     match interface {
         Interface::CoSimulation => c_api::CO_SIMULATION,
-        Interface::ModelExchange => c_api::MODEL_EXCHANGE,
+        _ => c_api::MODEL_EXCHANGE,
     }
 }
 
@@ -301,7 +301,7 @@ pub fn fuzz(
             .collect(),
         intermediate: if version == FmiVersion::V3 && fmu.is_plant() { &outputs } else { &[] },
         indicators: fmu.description.number_of_event_indicators,
-        has_scheduled_execution: fmu.description.has_scheduled_execution,
+        has_scheduled_execution: fmu.description.scheduled_execution.is_some(),
         has_event_mode: fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode),
         can_finish: u8::from(fmu.name == "Stair"),
         step: fmu.description.default_experiment.step_size.unwrap_or(1e-3),

@@ -220,7 +220,7 @@ impl<'a> Subject<'a> {
         let guid = CString::new(self.raw.guid()).expect("no zeros");
         let kind = match self.interface {
             Interface::CoSimulation => c_api::CO_SIMULATION,
-            Interface::ModelExchange => c_api::MODEL_EXCHANGE,
+            _ => c_api::MODEL_EXCHANGE,
         };
         let events = EventArguments { mode_used: self.has_event_mode, updates, ..EventArguments::default() };
         let (name, guid) = (Some(c"order"), Some(guid.as_c_str()));

@@ -86,7 +86,7 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
         text += "In model exchange, a derivative or event indicator that is not a finite number returns PREFIXDiscard, so that the \
                  solver can try a shorter step. ";
     }
-    if description.has_scheduled_execution {
+    if description.scheduled_execution.is_some() {
         text += "In scheduled execution, any thread may call the FMU at any time. A part runs to its end before another call begins, \
                  so parts do not preempt each other. ";
     }

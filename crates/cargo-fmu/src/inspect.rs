@@ -174,7 +174,7 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
     let mut interfaces = Vec::new();
     for interface in description.interfaces() {
         let mut capabilities = match interface {
-            Interface::CoSimulation => Vec::new(),
+            Interface::CoSimulation | Interface::ScheduledExecution => Vec::new(),
             Interface::ModelExchange => vec![
                 format!("continuous states: {}", description.number_of_states()),
                 format!("event indicators: {}", description.number_of_event_indicators),
@@ -194,12 +194,6 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
             capabilities.extend(unit.fixed_internal_step_size.map(|step| format!("internal steps of {step} s")));
         }
         interfaces.push((interface.to_string(), capabilities));
-    }
-    if description.has_scheduled_execution {
-        interfaces.push((
-            "scheduled execution".to_owned(),
-            vec!["for other importers: `check` and scenarios do not run it".to_owned()],
-        ));
     }
     interfaces
 }

@@ -305,7 +305,7 @@ impl Description {
         let has = |interface: &Interface| match interface {
             Interface::Cs => self.parsed.co_simulation.is_some(),
             Interface::Me => self.parsed.model_exchange.is_some(),
-            Interface::Se => self.parsed.has_scheduled_execution,
+            Interface::Se => self.parsed.scheduled_execution.is_some(),
         };
         Export {
             model: self.model.clone(),

@@ -4,6 +4,7 @@
 
 mod adjoint;
 mod capabilities;
+mod clocks;
 mod dependencies;
 pub(super) mod exchange;
 mod experiment;
@@ -15,10 +16,10 @@ mod structure;
 mod types;
 mod values;
 
-use super::{Checked, Event, Finding, Options, Severity, Topic};
+use super::{Checked, Event, Finding, Options, SCHEDULED_EXECUTION, Severity, Topic};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{
-    BaseType, Causality, DataType, FmiVersion, Interface, ModelDescription, Value, Variable,
+    BaseType, Capabilities, Causality, DataType, FmiVersion, Interface, ModelDescription, Value, Variable,
 };
 use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
@@ -45,6 +46,9 @@ type Report<'a> = &'a mut dyn FnMut(Event);
 struct Trial<'a> {
     library: &'a Arc<Library>,
     description: &'a ModelDescription,
+    /// Co-simulation or scheduled execution, and its capabilities.
+    interface: Interface,
+    unit: &'a Capabilities,
     options: &'a Options,
     /// Communication step, s.
     step: f64,
@@ -65,14 +69,17 @@ struct Trial<'a> {
 type CheckResult<T> = Result<T, CallError>;
 type Stage<'t> = fn(&Trial<'t>, Report<'_>) -> CheckResult<()>;
 
-/// Tests everything that the description promises. `checked` counts trials, instances and steps.
+/// Tests everything that the description promises for co-simulation or scheduled execution. `checked` counts trials,
+/// instances and steps.
 pub(super) fn check(
     library: &Arc<Library>,
     description: &ModelDescription,
+    interface: Interface,
     options: &Options,
     checked: &mut Checked,
     report: Report<'_>,
 ) {
+    let Some(unit) = description.interface(interface) else { return };
     let (start, step) = start_and_step(description);
     let filtered = |is_wanted: &dyn Fn(&Variable) -> bool| -> Vec<usize> {
         (0..description.variables.len()).filter(|&i| is_wanted(&description.variables[i])).collect()
@@ -93,6 +100,8 @@ pub(super) fn check(
     let mut trial = Trial {
         library,
         description,
+        interface,
+        unit,
         options,
         step,
         steps: STEPS,
@@ -164,10 +173,10 @@ fn found(report: Report<'_>, finding: Finding) {
 
 impl Trial<'_> {
     fn all(&mut self, checked: &mut Checked, report: Report<'_>) {
-        if !instantiation(self.library, self.description, Interface::CoSimulation, self.options, report) {
+        if !instantiation(self.library, self.description, self.interface, self.options, report) {
             return;
         }
-        report(Event::trying("runs", Topic::Simulation));
+        report(Event::trying(self.name("runs"), Topic::Simulation));
         if self.is_asynchronous() {
             let message = "is set, and fmi2DoStep returns fmi2Pending: the check does not support asynchronous steps";
             return found(report, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
@@ -210,12 +219,21 @@ impl Trial<'_> {
     }
 
     fn is_single(&self) -> bool {
-        self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
+        self.unit.can_be_instantiated_only_once_per_process
+    }
+
+    fn is_scheduled(&self) -> bool {
+        self.interface == Interface::ScheduledExecution
+    }
+
+    /// The name of a trial.
+    fn name(&self, trial: &str) -> String {
+        if self.is_scheduled() { format!("{SCHEDULED_EXECUTION}{trial}") } else { trial.to_owned() }
     }
 
     /// Returns true if the call of a step returns before the step is complete, and the description allows this.
     fn is_asynchronous(&self) -> bool {
-        let is_allowed = self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_run_asynchronously);
+        let is_allowed = self.unit.can_run_asynchronously;
         let is_pending = |error: CallError| error.problem == CallProblem::Status(Status::Pending);
         is_allowed
             && self.started("step").is_ok_and(|mut instance| self.go(&mut instance, 0..1, 1).is_err_and(is_pending))
@@ -223,7 +241,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 17] = [
+        let stages: [(&str, Topic, Stage<'_>); 18] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -239,23 +257,26 @@ impl Trial<'_> {
             ("step size of the solver", Simulation, Self::step_size),
             ("types of FMI 3.0", Standard, Self::types),
             (STRUCTURE, Standard, Self::structure),
+            (clocks::CLOCKS, Standard, Self::clocks),
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),
         ];
+        let earlier = (checked.instances, checked.steps);
         for (name, topic, stage) in stages {
-            if self.options.skip.contains(name) {
+            let name = self.name(name);
+            if self.options.skip.contains(&name) {
                 continue;
             }
-            report(Event::trying(name, topic));
+            report(Event::trying(name.clone(), topic));
             let before = self.instances.get();
             if let Err(error) = stage(self, report) {
-                found(report, Finding::error(name, describe(&error)).about(topic));
+                found(report, Finding::error(&name, describe(&error)).about(topic));
             }
             // A trial that made no instance has tested nothing.
             if self.instances.get() > before {
-                checked.trials.push(name.to_owned());
+                checked.trials.push(name);
             }
-            (checked.instances, checked.steps) = (self.instances.get(), self.made.get());
+            (checked.instances, checked.steps) = (earlier.0 + self.instances.get(), earlier.1 + self.made.get());
             report(Event::Checked(checked.clone()));
         }
     }
@@ -425,7 +446,7 @@ impl Trial<'_> {
             start: self.start,
             instance: &|name| self.instance(name),
             advance: &|instance, k| instance.do_step(self.start + self.step * k as f64, self.step),
-            interface: Interface::CoSimulation,
+            interface: self.interface,
         };
         structure.check(report)
     }
@@ -449,6 +470,7 @@ fn instantiation(
         (FmiVersion::V2, _) => ("fmi2Instantiate", "GUID"),
         (FmiVersion::V3, Interface::CoSimulation) => ("fmi3InstantiateCoSimulation", "instantiation token"),
         (FmiVersion::V3, Interface::ModelExchange) => ("fmi3InstantiateModelExchange", "instantiation token"),
+        (FmiVersion::V3, Interface::ScheduledExecution) => ("fmi3InstantiateScheduledExecution", "instantiation token"),
     };
     report(Event::trying(format!("instantiating for {interface}"), Topic::Simulation));
     if let Err(error) = Instance::instantiate(library, "check", &description.guid, false) {

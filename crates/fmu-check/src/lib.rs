@@ -151,6 +151,8 @@ impl Default for Options {
 
 /// Prefix of the names of trials by model exchange.
 const MODEL_EXCHANGE: &str = "model exchange: ";
+/// Prefix of the names of trials by scheduled execution.
+const SCHEDULED_EXECUTION: &str = "scheduled execution: ";
 
 /// Scope of a check.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -189,18 +191,18 @@ impl fmt::Display for Checked {
              structure: {unknowns}"
         )?;
         if *instances > 0 {
-            let is_exchange = |trial: &&String| trial.starts_with(MODEL_EXCHANGE);
-            let (exchange, trials): (Vec<&String>, Vec<&String>) = trials.iter().partition(is_exchange);
-            let listed = |trials: &[&String]| {
-                let names = trials.iter().map(|trial| trial.strip_prefix(MODEL_EXCHANGE).unwrap_or(trial));
-                names.collect::<Vec<_>>().join(", ")
-            };
             write!(f, "\nbinary: {instances} instances, {steps} steps")?;
-            if !trials.is_empty() {
-                write!(f, ": {}", listed(&trials))?;
+            let prefixes = [MODEL_EXCHANGE, SCHEDULED_EXECUTION];
+            let is_other = |trial: &&String| !prefixes.iter().any(|prefix| trial.starts_with(prefix));
+            let others: Vec<&str> = trials.iter().filter(is_other).map(String::as_str).collect();
+            if !others.is_empty() {
+                write!(f, ": {}", others.join(", "))?;
             }
-            if !exchange.is_empty() {
-                write!(f, "\nmodel exchange: {}", listed(&exchange))?;
+            for prefix in prefixes {
+                let names: Vec<&str> = trials.iter().filter_map(|trial| trial.strip_prefix(prefix)).collect();
+                if !names.is_empty() {
+                    write!(f, "\n{prefix}{}", names.join(", "))?;
+                }
             }
         }
         Ok(())
@@ -322,13 +324,8 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     report(Event::Checked(checked.clone()));
     let interfaces = description.interfaces();
     if interfaces.is_empty() {
-        let finding = if description.has_scheduled_execution {
-            let message = "is the only interface; it is not supported, so the binary was not tried";
-            Finding::warning("ScheduledExecution", message)
-        } else {
-            let message = "are missing: the FMU must have one of these interfaces";
-            Finding::error("CoSimulation and ModelExchange", message)
-        };
+        let message = "are missing: the FMU must have one of these interfaces";
+        let finding = Finding::error("CoSimulation and ModelExchange", message);
         return report(Event::Found(finding.about(Topic::Simulation)));
     }
     let (mut libraries, mut problems) = (Vec::new(), Vec::new());
@@ -367,10 +364,13 @@ fn examine(path: &Path, options: &Options, report: &mut dyn FnMut(Event)) {
     let library = |wanted| libraries.iter().find(|(interface, _)| *interface == wanted).map(|(_, library)| library);
     let co_simulation = library(Interface::CoSimulation);
     if let Some(library) = co_simulation {
-        behavior::check(library, &description, options, &mut checked, report);
+        behavior::check(library, &description, Interface::CoSimulation, options, &mut checked, report);
     }
     if let Some(library) = library(Interface::ModelExchange) {
         behavior::exchange::check(library, co_simulation, &description, options, &mut checked, report);
+    }
+    if let Some(library) = library(Interface::ScheduledExecution) {
+        behavior::check(library, &description, Interface::ScheduledExecution, options, &mut checked, report);
     }
     let stray = loader::stray_messages() - stray;
     if stray > 0 {

@@ -127,7 +127,11 @@ fn general(description: &ModelDescription, report: Report<'_>) {
         }
     }
     let lacks_states = |unit: &Capabilities| unit.can_serialize_fmu_state && !unit.can_get_and_set_fmu_state;
-    if [&description.co_simulation, &description.model_exchange].into_iter().flatten().any(lacks_states) {
+    if [&description.co_simulation, &description.model_exchange, &description.scheduled_execution]
+        .into_iter()
+        .flatten()
+        .any(lacks_states)
+    {
         let word = if description.fmi == FmiVersion::V2 { "FMUstate" } else { "FMUState" };
         let message = format!("is true, which needs canGetAndSet{word} to be true as well");
         report(Finding::error(format!("canSerialize{word}"), message));

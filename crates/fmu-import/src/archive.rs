@@ -221,8 +221,7 @@ impl<R: Read + Seek> Archive<R> {
     /// cannot be written.
     pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
         let identifier = description.model_identifier(interface).ok_or_else(|| {
-            let mut found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
-            found.extend(description.has_scheduled_execution.then(|| "scheduled execution".to_owned()));
+            let found: Vec<String> = description.interfaces().iter().map(ToString::to_string).collect();
             let found = listed(&found);
             ArchiveError::new(&self.path, format!("the FMU has no interface for {interface}; it has {found}"))
         })?;

@@ -53,8 +53,8 @@ pub struct ModelDescription {
     pub co_simulation: Option<Capabilities>,
     /// The model-exchange interface, if the FMU has one.
     pub model_exchange: Option<Capabilities>,
-    /// True if the FMU has an interface for scheduled execution (FMI 3.0), which this crate does not use.
-    pub has_scheduled_execution: bool,
+    /// The interface for scheduled execution (FMI 3.0), if the FMU has one.
+    pub scheduled_execution: Option<Capabilities>,
     /// Unit definitions.
     pub units: Vec<Unit>,
     /// Names of the log categories.
@@ -442,6 +442,10 @@ pub struct Clock {
     pub shift: f64,
     /// Value references of the clocks on which it depends (attribute `clocks`).
     pub clocks: Vec<Reference>,
+    /// Order in scheduled execution: of several clocks at one time, that with the smallest number ticks first.
+    pub priority: u32,
+    /// The importer can deactivate the clock again in an event.
+    pub can_be_deactivated: bool,
     /// Description.
     pub description: Option<String>,
 }
@@ -582,10 +586,18 @@ impl ModelDescription {
         self.derivatives.iter().map(|unknown| self.variables[unknown.variable].size).sum()
     }
 
-    /// The interfaces of the FMU that this crate supports.
+    /// The interfaces of the FMU.
     pub fn interfaces(&self) -> Vec<Interface> {
-        let interfaces = [Interface::CoSimulation, Interface::ModelExchange];
+        let interfaces = [Interface::CoSimulation, Interface::ModelExchange, Interface::ScheduledExecution];
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
+    }
+
+    /// The interface with which a master steps the FMU: co-simulation, or scheduled execution if the FMU does not have it.
+    pub fn stepped_interface(&self) -> Interface {
+        match (&self.co_simulation, &self.scheduled_execution) {
+            (None, Some(_)) => Interface::ScheduledExecution,
+            _ => Interface::CoSimulation,
+        }
     }
 
     /// The capabilities of an interface; `None` if the FMU does not have it.
@@ -593,6 +605,7 @@ impl ModelDescription {
         match interface {
             Interface::CoSimulation => self.co_simulation.as_ref(),
             Interface::ModelExchange => self.model_exchange.as_ref(),
+            Interface::ScheduledExecution => self.scheduled_execution.as_ref(),
         }
     }
 

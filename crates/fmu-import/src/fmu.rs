@@ -98,7 +98,7 @@ impl Fmu {
         Self::open_for(path, Interface::CoSimulation)
     }
 
-    /// Like [`Self::open`], for either interface.
+    /// Like [`Self::open`], for any interface.
     pub fn open_for(path: impl AsRef<Path>, interface: Interface) -> Result<Self, FmuError> {
         let fmu = Self::unpack_for(path.as_ref(), interface)?;
         fmu.load()?;
@@ -112,21 +112,27 @@ impl Fmu {
     }
 
     /// Like [`Self::unpack`], for a master that connects scalars: array elements are variables of the description, see
-    /// [`ModelDescription::with_elements`]. The instances have these values of structural parameters.
+    /// [`ModelDescription::with_elements`]. The instances have these values of structural parameters. An FMU without
+    /// co-simulation is opened for scheduled execution.
     pub fn unpack_by_element(path: impl AsRef<Path>, structure: &StructuralParameters) -> Result<Self, FmuError> {
-        let Self(inner) = Self::unpack_with(path.as_ref(), Interface::CoSimulation, structure)?;
+        let Self(inner) = Self::unpack_with(path.as_ref(), None, structure)?;
         let Inner { description, binary, unpacked, .. } = &*inner;
         let (description, binary) = (description.clone().with_elements(), binary.clone());
         Ok(Self(Arc::new(Inner { description, binary, unpacked: Arc::clone(unpacked), library: OnceLock::new() })))
     }
 
     fn unpack_for(path: &Path, interface: Interface) -> Result<Self, FmuError> {
-        Self::unpack_with(path, interface, &StructuralParameters::new())
+        Self::unpack_with(path, Some(interface), &StructuralParameters::new())
     }
 
-    fn unpack_with(path: &Path, interface: Interface, structure: &StructuralParameters) -> Result<Self, FmuError> {
+    fn unpack_with(
+        path: &Path,
+        interface: Option<Interface>,
+        structure: &StructuralParameters,
+    ) -> Result<Self, FmuError> {
         let mut archive = Archive::open(path)?;
         let description = archive.description_with(structure)?;
+        let interface = interface.unwrap_or(description.stepped_interface());
         let unpacked = Arc::new(archive.unpack(&description, interface)?);
         let capabilities = description.interface(interface);
         let only_once = capabilities.is_some_and(|unit| unit.can_be_instantiated_only_once_per_process);

@@ -20,6 +20,7 @@ mod library;
 #[cfg(target_os = "linux")]
 pub(crate) mod linux;
 mod model_exchange;
+mod scheduled;
 mod special;
 mod states;
 mod status;
@@ -30,12 +31,13 @@ mod system;
 mod values;
 
 pub use callbacks::{memory_callbacks, stray_messages};
-pub use clocks::MOST_ITERATIONS;
+pub use clocks::{AskedInterval, MOST_ITERATIONS};
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use floats::take_restored;
 pub use instance::Instance;
 pub use library::{Library, exported_descriptions, not_exported};
 pub use model_exchange::{CompletedStep, EventUpdate};
+pub use scheduled::Activation;
 pub use special::WholeNumber;
 pub use states::SavedState;
 pub use system::flush_prints;

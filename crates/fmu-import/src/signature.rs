@@ -3,7 +3,7 @@
 use crate::c_api::Reference;
 use crate::description::{
     ArrayElement, BaseType, Causality, Clock, DataType, FmiVersion, Interface, IntervalVariability, ModelDescription,
-    Value, Variable,
+    Value, Variability, Variable,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -21,12 +21,14 @@ pub(crate) struct Signature {
     marks: Vec<u64>,
     pub(crate) states: usize,
     pub(crate) event_indicators: usize,
-    /// Input clocks in co-simulation.
+    /// Input clocks in co-simulation and scheduled execution, where smaller priorities come first.
     pub(crate) clocks: Vec<InputClock>,
-    /// Output clocks in co-simulation, with the clocks on which they depend.
+    /// Output clocks, with the clocks on which they depend.
     pub(crate) output_clocks: Vec<(Reference, Vec<Reference>)>,
-    /// True if the FMU has clocks in co-simulation.
+    /// True if the FMU has clocks that the loader activates.
     pub(crate) has_clocks: bool,
+    /// Clocked variables. In scheduled execution, also other inputs and tunable parameters, which are set before any
+    /// activation: no variable is read between a call that sets one and an activation (FMI 3.0.2, section 5.2.1).
     pub(crate) clocked: Vec<Clocked>,
     /// Structural parameters that are set after instantiation.
     pub(crate) structure: Vec<(Reference, Value)>,
@@ -99,8 +101,13 @@ impl Signature {
             }
             marks[word] |= 1 << bit;
         }
-        let is_co_simulation = interface == Interface::CoSimulation;
-        let inputs = description.clocks.iter().filter(|clock| clock.causality == Causality::Input && is_co_simulation);
+        let (has_ticks, is_scheduled) =
+            (interface != Interface::ModelExchange, interface == Interface::ScheduledExecution);
+        let inputs = description.clocks.iter().filter(|clock| clock.causality == Causality::Input && has_ticks);
+        let mut inputs: Vec<&Clock> = inputs.collect();
+        if is_scheduled {
+            inputs.sort_by_key(|clock| clock.priority);
+        }
         let mut clocks: Vec<InputClock> = Vec::new();
         for clock in inputs {
             // The list also contains aliases.
@@ -114,18 +121,26 @@ impl Signature {
                 });
             }
         }
-        let is_output = |clock: &&Clock| clock.causality == Causality::Output && is_co_simulation;
+        let is_output = |clock: &&Clock| clock.causality == Causality::Output && has_ticks;
         let output_clocks = description.clocks.iter().filter(is_output);
         let mut output_clocks: Vec<_> = output_clocks.map(|clock| (clock.reference, clock.clocks.clone())).collect();
         output_clocks.dedup();
-        let is_clocked = |variable: &&Variable| !variable.clocks.is_empty() && variable.alias_of.is_none();
-        let clocked = description.variables.iter().filter(|_| is_co_simulation).filter(is_clocked);
+        let is_set = |variable: &Variable| match variable.causality {
+            Causality::Input => true,
+            Causality::Parameter => is_scheduled && variable.variability == Variability::Tunable,
+            _ => false,
+        };
+        let is_clocked = |variable: &&Variable| {
+            variable.alias_of.is_none() && (!variable.clocks.is_empty() || (is_scheduled && is_set(variable)))
+        };
+        let clocked = description.variables.iter().filter(|_| has_ticks).filter(is_clocked);
+        let all: Vec<Reference> = clocks.iter().map(|clock| clock.reference).collect();
         let clocked = clocked.map(|variable| Clocked {
             reference: variable.reference,
             base_type: variable.base_type,
             size: variable.size,
-            is_input: variable.causality == Causality::Input,
-            clocks: variable.clocks.clone(),
+            is_input: is_set(variable),
+            clocks: if variable.clocks.is_empty() { all.clone() } else { variable.clocks.clone() },
         });
         let structure = description.structure.iter();
         let structure = structure
@@ -135,7 +150,7 @@ impl Signature {
             structure,
             clocks,
             output_clocks,
-            has_clocks: is_co_simulation && !description.clocks.is_empty(),
+            has_clocks: is_scheduled || (has_ticks && !description.clocks.is_empty()),
             clocked: clocked.collect(),
             fmi: description.fmi,
             interface,

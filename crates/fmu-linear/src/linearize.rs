@@ -159,7 +159,8 @@ fn by_differences(instance: &mut Instance, inputs: &[&Variable], outputs: &[&Var
 
 /// The interface to use, and true if it has directional derivatives.
 pub(crate) fn interface(description: &ModelDescription) -> (Interface, bool) {
-    let interfaces = description.interfaces();
+    let mut interfaces = description.interfaces();
+    interfaces.retain(|interface| *interface != Interface::ScheduledExecution);
     let has_derivatives =
         |of: &&Interface| description.interface(**of).is_some_and(|unit| unit.provides_directional_derivative);
     match interfaces.iter().find(has_derivatives) {

@@ -7,7 +7,7 @@ use fmu_import::description::{BaseType, Causality, Unknown, Variability};
 impl Trial<'_> {
     /// Tests the capabilities that the description declares, except saved states, which have a separate trial.
     pub(super) fn capabilities(&self, report: Report<'_>) -> CheckResult<()> {
-        let unit = self.description.co_simulation.clone().unwrap_or_default();
+        let unit = self.unit;
         let mut promise = |attribute: &str, result: CheckResult<()>| {
             if let Err(error) = result {
                 let message = format!("is promised, but {}", describe(&error));

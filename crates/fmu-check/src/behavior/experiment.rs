@@ -19,8 +19,7 @@ impl Trial<'_> {
         instance.setup_experiment(self.start, Some(stop))?;
         instance.enter_initialization_mode()?;
         instance.exit_initialization_mode()?;
-        let unit = self.description.co_simulation.as_ref();
-        let takes_any_step = unit.is_some_and(|unit| unit.can_handle_variable_communication_step_size);
+        let takes_any_step = self.unit.can_handle_variable_communication_step_size;
         let mut outputs = Vec::new();
         for k in 0.. {
             progress();

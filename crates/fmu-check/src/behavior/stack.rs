@@ -21,8 +21,7 @@ impl Trial<'_> {
         let Some((result, size)) = taken(run) else { return Ok(()) };
         self.instances.set(self.instances.get() + 1);
         let mut sizes = vec![("a run", size)];
-        let unit = self.description.co_simulation.as_ref();
-        if unit.is_some_and(|unit| unit.provides_directional_derivative)
+        if self.unit.provides_directional_derivative
             && let Some(question) = self.question()
         {
             let trial = self.clone();

@@ -9,9 +9,9 @@ impl Trial<'_> {
     /// Checks that a run from a restored state continues as before, also if the state is restored from bytes in a new
     /// instance.
     pub(super) fn states(&self, report: Report<'_>) -> CheckResult<()> {
-        let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
+        if !self.unit.can_get_and_set_fmu_state {
             return Ok(());
-        };
+        }
         let restored = self.function("fmi2SetFMUstate", "fmi3SetFMUState");
         let read = self.function("fmi2DeSerializeFMUstate", "fmi3DeserializeFMUState");
         let configuration = self.configuration();
@@ -29,7 +29,7 @@ impl Trial<'_> {
         if !self.go_on(&mut instance, &saved, Some(&then), &expected, restored, report)? {
             return Ok(());
         }
-        if !unit.can_serialize_fmu_state {
+        if !self.unit.can_serialize_fmu_state {
             return instance.free_state(saved);
         }
         let bytes = instance.serialize_state(&saved)?;

@@ -136,7 +136,7 @@ impl Structure<'_> {
             let read = instance.get_array(array.reference, &mut values[..size(array, to)]);
             read.map_err(|error| self.wrong_size(array, to, &error))?;
         }
-        if self.interface == Interface::CoSimulation {
+        if self.interface != Interface::ModelExchange {
             return Ok(());
         }
         let derivatives = self.description.derivatives.iter();

@@ -41,7 +41,7 @@ pub(super) fn check(root: &Element, description: &ModelDescription, report: Repo
     for element in children("ModelVariables") {
         if element.name == "Clock" {
             let declared = element.attribute("declaredType").and_then(|name| types.get(name).copied());
-            clock(element, declared, description.has_scheduled_execution, &mut error);
+            clock(element, declared, description.scheduled_execution.is_some(), &mut error);
         }
         variable(element, &known, &mut lengths, &mut error);
     }

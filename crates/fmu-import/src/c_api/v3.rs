@@ -1,4 +1,4 @@
-//! The C types of FMI 3.0 for co-simulation and model exchange.
+//! The C types of FMI 3.0.
 //!
 //! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. Types that are the
 //! same in FMI 2.0 are in the parent module.
@@ -33,6 +33,26 @@ pub type InstantiateCoSimulation = unsafe extern "C" fn(
 /// `fmi3InstantiateModelExchange`: name, token, resource path, visible, logging on, environment, logger.
 pub type InstantiateModelExchange =
     unsafe extern "C" fn(*const c_char, *const c_char, *const c_char, bool, bool, *mut c_void, LogMessage) -> Component;
+/// `fmi3ClockUpdateCallback`: environment.
+pub type ClockUpdate = unsafe extern "C" fn(*mut c_void);
+/// `fmi3LockPreemptionCallback`, `fmi3UnlockPreemptionCallback`.
+pub type Preemption = unsafe extern "C" fn();
+/// `fmi3InstantiateScheduledExecution`: name, token, resource path, visible, logging on, environment, logger, clock
+/// update, lock preemption, unlock preemption.
+pub type InstantiateScheduledExecution = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    *mut c_void,
+    LogMessage,
+    ClockUpdate,
+    Preemption,
+    Preemption,
+) -> Component;
+/// `fmi3ActivateModelPartition`: clock, time.
+pub type ActivatePartition = call!(Reference, f64);
 /// `fmi3SetDebugLogging`: on, number of categories, categories.
 pub type SetDebugLogging = call!(bool, usize, *const *const c_char);
 /// `fmi3EnterInitializationMode`: tolerance defined, tolerance, start, stop defined, stop.
@@ -67,6 +87,8 @@ pub type SetClock = call!(*const Reference, usize, *const bool);
 pub type GetClock = call!(*const Reference, usize, *mut RawBoolean);
 /// `fmi3GetIntervalDecimal`: references, their number, intervals in s, qualifiers.
 pub type GetInterval = call!(*const Reference, usize, *mut f64, *mut c_int);
+/// `fmi3SetIntervalDecimal`: references, their number, intervals in s.
+pub type SetInterval = call!(*const Reference, usize, *const f64);
 /// `fmi3GetShiftDecimal`: references, their number, times in s.
 pub type GetShift = call!(*const Reference, usize, *mut f64);
 /// `fmi3CompletedIntegratorStep`: true if no earlier state will be restored; results: enter Event Mode, terminate.

@@ -27,6 +27,8 @@ pub enum Interface {
     CoSimulation,
     /// The importer integrates the states of the FMU.
     ModelExchange,
+    /// The importer activates the partitions of the FMU (FMI 3.0).
+    ScheduledExecution,
 }
 
 impl std::fmt::Display for Interface {
@@ -34,6 +36,7 @@ impl std::fmt::Display for Interface {
         f.write_str(match self {
             Self::CoSimulation => "co-simulation",
             Self::ModelExchange => "model exchange",
+            Self::ScheduledExecution => "scheduled execution",
         })
     }
 }

@@ -103,7 +103,11 @@ impl ModelDescription {
             variable_naming_convention: text("variableNamingConvention").unwrap_or_else(|| "flat".to_string()),
             co_simulation: root.child("CoSimulation").map(|element| capabilities(element, fmi)).transpose()?,
             model_exchange: root.child("ModelExchange").map(|element| capabilities(element, fmi)).transpose()?,
-            has_scheduled_execution: root.child("ScheduledExecution").is_some(),
+            scheduled_execution: root
+                .child("ScheduledExecution")
+                .filter(|_| fmi == FmiVersion::V3)
+                .map(|element| capabilities(element, fmi))
+                .transpose()?,
             log_categories: children(&root, "LogCategories", "Category")
                 .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
                 .collect::<Result<_, _>>()?,
@@ -349,7 +353,7 @@ mod tests {
         assert_eq!(cs.fixed_internal_step_size, Some(0.001));
         let me = d.model_exchange.as_ref().unwrap();
         assert!(me.needs_completed_integrator_step && me.provides_directional_derivative);
-        assert!(d.has_scheduled_execution);
+        assert!(d.scheduled_execution.is_some());
 
         let level = d.variable("level").unwrap();
         assert_eq!((level.data_type, level.base_type), (DataType::Float64, BaseType::Real));

@@ -50,6 +50,7 @@ functions! {
         GetString SetBoolean SetString GetFloat32 SetFloat32 GetInt8 SetInt8 GetUInt8 SetUInt8 GetInt16 SetInt16
         GetUInt16 SetUInt16 GetUInt32 SetUInt32 GetInt64 SetInt64 GetUInt64 SetUInt64 GetBinary SetBinary
         SetDebugLogging GetDirectionalDerivative GetAdjointDerivative EnterConfigurationMode ExitConfigurationMode
+        GetClock SetClock GetIntervalDecimal SetIntervalDecimal GetShiftDecimal
         GetReal ["GetReal" "GetFloat64"]
         GetInteger ["GetInteger" "GetInt32"]
         SetReal ["SetReal" "SetFloat64"]
@@ -63,7 +64,7 @@ functions! {
     Some(Interface::CoSimulation) =>
         DoStep CancelStep GetRealStatus GetBooleanStatus
         InstantiateCoSimulation ["Instantiate" "InstantiateCoSimulation"]
-        EnterStepMode GetClock SetClock GetIntervalDecimal GetShiftDecimal
+        EnterStepMode
         SetInputDerivatives ["SetRealInputDerivatives" "SetRealInputDerivatives"]
         GetOutputDerivatives ["GetRealOutputDerivatives" "GetOutputDerivatives"];
     Some(Interface::ModelExchange) =>
@@ -74,6 +75,8 @@ functions! {
         GetNominals ["GetNominalsOfContinuousStates" "GetNominalsOfContinuousStates"]
         GetNumberOfStates ["GetNumberOfContinuousStates" "GetNumberOfContinuousStates"]
         NewDiscreteStates ["NewDiscreteStates" "UpdateDiscreteStates"];
+    Some(Interface::ScheduledExecution) =>
+        InstantiateScheduledExecution ActivateModelPartition;
 }
 
 const fn version(fmi: FmiVersion) -> usize {

@@ -14,7 +14,7 @@ use super::instance::Instance;
 use crate::c_api::Reference;
 use crate::c_api::v3::RawBoolean;
 use crate::description::{IntervalVariability as Kind, Value};
-use crate::signature::{InputClock, Signature};
+use crate::signature::{Clocked, InputClock, Signature};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ffi::c_int;
@@ -27,7 +27,7 @@ const ROUNDINGS: f64 = 4.0;
 pub const MOST_ITERATIONS: usize = 100;
 /// Qualifiers of `fmi3GetIntervalDecimal`.
 const NOT_YET_KNOWN: c_int = 0;
-const CHANGED: c_int = 2;
+pub(super) const CHANGED: c_int = 2;
 /// Ends the bytes of a saved state with clocks.
 const MARK: &[u8; 8] = b"\0clocks\n";
 
@@ -38,6 +38,17 @@ const WRONG_TYPE: CallProblem = CallProblem::Arguments("the variable has another
 const WRONG_INTERVAL: CallProblem = CallProblem::Arguments(
     "the FMU returned an interval that is not a finite number, or not above 0 for a periodic clock",
 );
+
+/// An interval for which the loader has asked the FMU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AskedInterval {
+    /// The clock.
+    pub clock: Reference,
+    /// Qualifier: 0 not yet known, 1 unchanged, 2 changed.
+    pub qualifier: c_int,
+    /// True if the clock has a next tick whatever the answer.
+    pub was_pending: bool,
+}
 
 /// Clocks of an instance.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -51,9 +62,12 @@ pub(super) struct Clocks {
     pending: Vec<Reference>,
     /// Input clocks that are active in the present iteration of an event, and output clocks that tick.
     #[serde(skip)]
-    active: Vec<Reference>,
+    pub(super) active: Vec<Reference>,
     #[serde(skip)]
-    fired: Vec<Reference>,
+    pub(super) fired: Vec<Reference>,
+    /// Intervals since the last iteration of an event, or in the last activation.
+    #[serde(skip)]
+    pub(super) asked: Vec<AskedInterval>,
     /// Time of the next time event in s, if the FMU has announced one.
     next_event: Option<f64>,
     /// True if the caller handles the events.
@@ -148,6 +162,7 @@ impl Clocks {
                 pending: Vec::new(),
                 active: Vec::new(),
                 fired: Vec::new(),
+                asked: Vec::new(),
                 next_event: None,
                 is_shared: false,
                 is_in_event: false,
@@ -284,8 +299,8 @@ impl Instance {
             if ticks.is_periodic() {
                 let mut shift = ticks.clock.shift;
                 if ticks.clock.interval.is_none() {
-                    ticks.interval = self.interval(reference)?.0;
-                    shift = self.shift(reference)?;
+                    ticks.interval = self.get_interval(reference)?.0;
+                    shift = self.get_shift(reference)?;
                 }
                 if !(ticks.interval > 0.0 && ticks.interval.is_finite() && shift.is_finite()) {
                     return Err(self.failure(Function::GetIntervalDecimal, WRONG_INTERVAL));
@@ -293,7 +308,7 @@ impl Instance {
                 ticks.base = start + shift;
                 ticks.next = Some(ticks.base);
             } else if ticks.clock.kind != Kind::Triggered {
-                let (interval, qualifier) = self.interval(reference)?;
+                let (interval, qualifier) = self.get_interval(reference)?;
                 if let Some(interval) = self.known(interval, qualifier, false)? {
                     ticks.set_interval(interval, start);
                 }
@@ -312,7 +327,8 @@ impl Instance {
         }
     }
 
-    fn interval(&mut self, clock: Reference) -> Result<(f64, c_int), CallError> {
+    /// `fmi3GetIntervalDecimal`: the interval in s and its qualifier, see [`AskedInterval`].
+    pub fn get_interval(&mut self, clock: Reference) -> Result<(f64, c_int), CallError> {
         let (mut interval, mut qualifier) = (0.0, NOT_YET_KNOWN);
         // SAFETY: live instance; one clock, and its interval is written through valid pointers.
         self.call_v3(Function::GetIntervalDecimal, |f, c| unsafe {
@@ -321,7 +337,49 @@ impl Instance {
         Ok((interval, qualifier))
     }
 
-    fn shift(&mut self, clock: Reference) -> Result<f64, CallError> {
+    /// `fmi3SetIntervalDecimal`; the interval is in s.
+    pub fn set_interval(&mut self, clock: Reference, interval: f64) -> Result<(), CallError> {
+        // SAFETY: live instance; one clock and its interval.
+        self.call_v3(Function::SetIntervalDecimal, |f, c| unsafe {
+            Some(f.set_interval?(c, &raw const clock, 1, &raw const interval))
+        })
+    }
+
+    /// `fmi3GetClock`: true if the clock is active.
+    pub fn get_clock(&mut self, clock: Reference) -> Result<bool, CallError> {
+        let mut is_active: RawBoolean = 0;
+        // SAFETY: live instance; one clock, and its state is written through a valid pointer.
+        self.call_v3(Function::GetClock, |f, c| unsafe {
+            Some(f.get_clock?(c, &raw const clock, 1, &raw mut is_active))
+        })?;
+        Ok(is_active != 0)
+    }
+
+    /// `fmi3SetClock` that deactivates an input clock which was activated in this iteration of an event.
+    pub fn deactivate(&mut self, clock: Reference) -> Result<(), CallError> {
+        if let Some(clocks) = &mut self.clocks {
+            clocks.active.retain(|active| *active != clock);
+        }
+        self.set_clocks(&[clock], &[false])
+    }
+
+    fn set_clocks(&mut self, clocks: &[Reference], are_active: &[bool]) -> Result<(), CallError> {
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call_v3(Function::SetClock, |f, c| unsafe {
+            Some(f.set_clock?(c, clocks.as_ptr(), clocks.len(), are_active.as_ptr()))
+        })
+    }
+
+    /// Accesses clocked variables in the FMU itself, whether or not one of their clocks is active.
+    pub fn unheld<T: Default>(
+        &mut self,
+        access: impl FnOnce(&mut Self) -> Result<T, CallError>,
+    ) -> Result<T, CallError> {
+        self.with_clocks(|this, _| access(this))
+    }
+
+    /// `fmi3GetShiftDecimal`: the time of the first tick after the start in s.
+    pub fn get_shift(&mut self, clock: Reference) -> Result<f64, CallError> {
         let mut shift = 0.0;
         // SAFETY: live instance; one clock, and its shift is written through a valid pointer.
         self.call_v3(Function::GetShiftDecimal, |f, c| unsafe {
@@ -335,7 +393,7 @@ impl Instance {
         let start = self.experiment().0;
         let Some(clocks) = &mut self.clocks else { return Ok(()) };
         (clocks.is_held, clocks.is_in_event) = (true, true);
-        if clocks.is_shared { Ok(()) } else { self.handle_event(start, 1.0, false) }
+        if clocks.is_shared || self.is_scheduled() { Ok(()) } else { self.handle_event(start, 1.0, false) }
     }
 
     /// `fmi3UpdateDiscreteStates`. Returns true if another iteration is needed, and the time of the next time event in
@@ -425,7 +483,12 @@ impl Instance {
 
     /// Returns true if the FMU has clocks in co-simulation.
     pub fn has_clocks(&self) -> bool {
-        self.clocks.is_some()
+        self.clocks.is_some() && !self.is_scheduled()
+    }
+
+    /// Intervals for which the loader has asked in the last iteration of an event, or in the last activation.
+    pub fn asked_intervals(&self) -> &[AskedInterval] {
+        self.clocks.as_ref().map_or(&[], |clocks| &clocks.asked)
     }
 
     /// Returns true if a variable belongs to clocks.
@@ -477,7 +540,7 @@ impl Instance {
         self.step_end.event != 0
     }
 
-    /// Time-based clocks that are due.
+    /// Time-based clocks that are due; in scheduled execution, in the order of their priorities.
     pub fn due_clocks(&self, time: f64, step: f64) -> Vec<Reference> {
         let inputs = self.clocks.iter().flat_map(|clocks| &clocks.inputs);
         inputs.filter(|ticks| ticks.is_due(time, step)).map(|ticks| ticks.clock.reference).collect()
@@ -502,45 +565,49 @@ impl Instance {
         if let Some(clocks) = &mut self.clocks {
             clocks.active.extend(input_clocks);
         }
-        let values = vec![true; input_clocks.len()];
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call_v3(Function::SetClock, |f, c| unsafe {
-            Some(f.set_clock?(c, input_clocks.as_ptr(), input_clocks.len(), values.as_ptr()))
-        })
+        self.set_clocks(input_clocks, &vec![true; input_clocks.len()])
     }
 
     /// Sets the inputs of the active clocks, and reads the outputs of these clocks and of the output clocks that tick.
     pub fn evaluate(&mut self) -> Result<(), CallError> {
         self.with_clocks(|this, clocks| {
+            this.set_pending(clocks)?;
             let library = Arc::clone(this.library());
-            let signature = &library.signature;
-            let depends = |on: &[Reference], active: &[Reference]| on.iter().any(|clock| active.contains(clock));
-            for variable in signature.clocked.iter().filter(|one| one.is_input && depends(&one.clocks, &clocks.active))
-            {
-                if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
-                    let values: Vec<Value> = clocks.held[&variable.reference].iter().map(Held::value).collect();
-                    this.set_values_of(variable.reference, variable.base_type, &values)?;
-                    clocks.pending.swap_remove(at);
+            clocks.fired.clear();
+            for (clock, on) in &library.signature.output_clocks {
+                let is_active = |on: &Reference| clocks.active.contains(on) || clocks.fired.contains(on);
+                if (on.is_empty() || on.iter().any(is_active)) && this.get_clock(*clock)? {
+                    clocks.fired.push(*clock);
                 }
             }
-            let mut active = clocks.active.clone();
-            for (clock, on) in &signature.output_clocks {
-                if on.is_empty() || depends(on, &active) {
-                    let mut ticks: RawBoolean = 0;
-                    // SAFETY: live instance; one clock, and its state is written through a valid pointer.
-                    this.call_v3(Function::GetClock, |f, c| unsafe {
-                        Some(f.get_clock?(c, &raw const *clock, 1, &raw mut ticks))
-                    })?;
-                    active.extend((ticks != 0).then_some(*clock));
-                }
-            }
-            for variable in signature.clocked.iter().filter(|one| !one.is_input && depends(&one.clocks, &active)) {
-                let values = this.values_of(variable.reference, variable.base_type, variable.size)?;
-                clocks.held.insert(variable.reference, values.into_iter().map(Held::of).collect());
-            }
-            clocks.fired = active.split_off(clocks.active.len());
-            Ok(())
+            this.read_clocked(clocks)
         })
+    }
+
+    /// Sets the inputs of the active clocks that have new values.
+    pub(super) fn set_pending(&mut self, clocks: &mut Clocks) -> Result<(), CallError> {
+        let library = Arc::clone(self.library());
+        let is_set = |one: &&Clocked| one.is_input && one.clocks.iter().any(|clock| clocks.active.contains(clock));
+        for variable in library.signature.clocked.iter().filter(is_set) {
+            if let Some(at) = clocks.pending.iter().position(|reference| *reference == variable.reference) {
+                let values: Vec<Value> = clocks.held[&variable.reference].iter().map(Held::value).collect();
+                self.set_values_of(variable.reference, variable.base_type, &values)?;
+                clocks.pending.swap_remove(at);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the outputs of the active clocks and of the output clocks that tick.
+    pub(super) fn read_clocked(&mut self, clocks: &mut Clocks) -> Result<(), CallError> {
+        let library = Arc::clone(self.library());
+        let is_active = |clock: &Reference| clocks.active.contains(clock) || clocks.fired.contains(clock);
+        let is_read = |one: &&Clocked| !one.is_input && one.clocks.iter().any(is_active);
+        for variable in library.signature.clocked.iter().filter(is_read) {
+            let values = self.values_of(variable.reference, variable.base_type, variable.size)?;
+            clocks.held.insert(variable.reference, values.into_iter().map(Held::of).collect());
+        }
+        Ok(())
     }
 
     /// `fmi3UpdateDiscreteStates`, which deactivates all clocks; then asks for intervals, which count from `time` in s.
@@ -550,27 +617,41 @@ impl Instance {
             let (is_needed_again, next_event) = this.update_event()?;
             clocks.next_event = next_event;
             clocks.fired.clear();
-            let active = std::mem::take(&mut clocks.active);
-            for ticks in &mut clocks.inputs {
-                let has_ticked = active.contains(&ticks.clock.reference);
-                if has_ticked {
-                    ticks.advance();
-                }
-                let is_asked = match ticks.clock.kind {
-                    Kind::Countdown => true,
-                    Kind::Changing => has_ticked,
-                    Kind::Tunable => ticks.clock.interval.is_none(),
-                    _ => false,
-                };
-                if is_asked {
-                    let (interval, qualifier) = this.interval(ticks.clock.reference)?;
-                    if let Some(interval) = this.known(interval, qualifier, ticks.is_periodic())? {
-                        ticks.set_interval(interval, time);
-                    }
-                }
-            }
+            this.advance_clocks(clocks, time, None)?;
+            clocks.active.clear();
             Ok(is_needed_again)
         })
+    }
+
+    /// Moves the active clocks on, and asks for intervals. `countdowns` are those of countdown clocks, if the FMU was
+    /// asked before.
+    pub(super) fn advance_clocks(
+        &mut self,
+        clocks: &mut Clocks,
+        time: f64,
+        countdowns: Option<&BTreeMap<Reference, (f64, c_int)>>,
+    ) -> Result<(), CallError> {
+        clocks.asked.clear();
+        for ticks in &mut clocks.inputs {
+            let clock = ticks.clock.reference;
+            let has_ticked = clocks.active.contains(&clock);
+            if has_ticked {
+                ticks.advance();
+            }
+            let (interval, qualifier) = match (ticks.clock.kind, countdowns) {
+                (Kind::Countdown, Some(known)) if !known.contains_key(&clock) => continue,
+                (Kind::Countdown, Some(known)) => known[&clock],
+                (Kind::Countdown, None) => self.get_interval(clock)?,
+                (Kind::Changing, _) if has_ticked => self.get_interval(clock)?,
+                (Kind::Tunable, _) if ticks.clock.interval.is_none() => self.get_interval(clock)?,
+                _ => continue,
+            };
+            clocks.asked.push(AskedInterval { clock, qualifier, was_pending: ticks.next.is_some() });
+            if let Some(interval) = self.known(interval, qualifier, ticks.is_periodic())? {
+                ticks.set_interval(interval, time);
+            }
+        }
+        Ok(())
     }
 
     /// `fmi3EnterStepMode` after an event.
@@ -584,7 +665,7 @@ impl Instance {
     }
 
     /// Accesses the clocks. In the meantime, clocked variables are not held but those of the FMU.
-    fn with_clocks<T: Default>(
+    pub(super) fn with_clocks<T: Default>(
         &mut self,
         access: impl FnOnce(&mut Self, &mut Clocks) -> Result<T, CallError>,
     ) -> Result<T, CallError> {

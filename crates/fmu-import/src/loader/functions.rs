@@ -85,6 +85,7 @@ pub(super) fn names(fmi: FmiVersion, interfaces: &[Interface]) -> Vec<&'static s
         FmiVersion::V3 => {
             let mut names = v3::Functions::names(Interface::CoSimulation);
             names.extend(v3::Functions::names(Interface::ModelExchange));
+            names.extend(v3::Functions::names(Interface::ScheduledExecution));
             names.extend(v3::UNUSED);
             names
         }
@@ -140,9 +141,9 @@ macro_rules! table {
 
             pub(super) fn names(interface: Interface) -> Vec<&'static str> {
                 let mut names = vec![$($name,)* $($other_name,)*];
-                match interface {
-                    $(Interface::$interface => names.extend([$($need_name,)* $($more_name,)*]),)*
-                }
+                $(if interface == Interface::$interface {
+                    names.extend([$($need_name,)* $($more_name,)*] as [&str; _]);
+                })*
                 names
             }
         }

@@ -6,9 +6,11 @@ use super::calls::{self, Board, Function};
 use super::clocks::Clocks;
 use super::error::{CallError, CallProblem, Message, Status};
 use super::floats::{self, FloatEnvironment};
-use super::functions::Functions;
+use super::functions::{Functions, v3};
 use super::library::Library;
-use crate::c_api::{self, CallbackFunctions, Component, RawStatus, v3};
+use super::scheduled;
+use crate::c_api::v3::RawBoolean;
+use crate::c_api::{self, CallbackFunctions, Component, RawStatus};
 use crate::description::{FmiVersion, Interface};
 use crate::signature::Signature;
 use std::ffi::{CString, c_char};
@@ -19,13 +21,13 @@ use std::sync::atomic::Ordering;
 /// Results of the last `fmi3DoStep`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct StepEnd {
-    pub(super) event: v3::RawBoolean,
-    pub(super) terminate: v3::RawBoolean,
-    early: v3::RawBoolean,
+    pub(super) event: RawBoolean,
+    pub(super) terminate: RawBoolean,
+    early: RawBoolean,
     pub(super) time: f64,
 }
 
-/// An instance for co-simulation or model exchange, freed when dropped.
+/// An instance, freed when dropped.
 ///
 /// Methods are named after the C functions of FMI 2.0 and also work with FMI 3.0. Getting and setting numbers and
 /// stepping do not allocate, unless they fail or transfer a larger FMI 3.0 array than before.
@@ -35,7 +37,7 @@ pub(super) struct StepEnd {
 /// interface. The error contains the messages of the instance. If the lengths of arrays do not match, a string contains
 /// a zero byte, or a saved state comes from another instance, the method fails without calling the FMU.
 pub struct Instance {
-    component: Component,
+    pub(super) component: Component,
     // Every call is recorded here; `index` identifies the component.
     board: Option<&'static Board>,
     index: u64,
@@ -69,14 +71,16 @@ pub struct Instance {
 unsafe impl Send for Instance {}
 
 impl Instance {
-    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the library's interface.
-    /// Sets `visible` to false, and uses neither early return nor, in co-simulation without clocks, Event Mode. `logging` requests
-    /// messages other than errors. Fails if the FMU returns no instance, or if a name contains a zero byte.
+    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation`, `fmi3InstantiateModelExchange` or
+    /// `fmi3InstantiateScheduledExecution`, for the library's interface. Sets `visible` to false, and uses neither early
+    /// return nor, in co-simulation without clocks, Event Mode. `logging` requests messages other than errors. Fails if the
+    /// FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
             Interface::CoSimulation => Function::InstantiateCoSimulation,
             Interface::ModelExchange => Function::InstantiateModelExchange,
+            Interface::ScheduledExecution => Function::InstantiateScheduledExecution,
         };
         let failed = |problem, messages| CallError {
             instance: name.to_string(),
@@ -109,13 +113,25 @@ impl Instance {
                     c_name.as_ptr(),
                     match interface {
                         Interface::CoSimulation => c_api::CO_SIMULATION,
-                        Interface::ModelExchange => c_api::MODEL_EXCHANGE,
+                        _ => c_api::MODEL_EXCHANGE,
                     },
                     c_guid.as_ptr(),
                     resources,
                     &raw const *callbacks,
                     c_api::FALSE,
                     c_api::Boolean::from(logging),
+                ),
+                Functions::V3(v3::Functions { instantiate_scheduled_execution: Some(instantiate), .. }) => instantiate(
+                    c_name.as_ptr(),
+                    c_guid.as_ptr(),
+                    resources,
+                    false,
+                    logging,
+                    callbacks.environment,
+                    log_text,
+                    scheduled::clock_update,
+                    scheduled::lock_preemption,
+                    scheduled::unlock_preemption,
                 ),
                 Functions::V3(f) => match (f.instantiate_co_simulation, f.instantiate_model_exchange) {
                     (Some(instantiate), _) => instantiate(
@@ -142,7 +158,7 @@ impl Instance {
                         callbacks.environment,
                         log_text,
                     ),
-                    // Unreachable: the table contains one of the two functions.
+                    // Unreachable: the table contains one of these functions.
                     (None, None) => ptr::null_mut(),
                 },
             }
@@ -395,10 +411,14 @@ impl Instance {
         self.configure()
     }
 
-    /// `fmi2DoStep` from `time` to `time + step`, both in s. No earlier state may be restored afterwards. Also fails if
+    /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval. No earlier state may be restored afterwards. Also fails if
     /// the FMU has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        if self.clocks.is_some() { self.step_with_clocks(time, step) } else { self.step(time, step) }
+        match &self.clocks {
+            None => self.step(time, step),
+            Some(_) if self.is_scheduled() => self.step_partitions(time, step),
+            Some(_) => self.step_with_clocks(time, step),
+        }
     }
 
     /// Like [`Self::do_step`], without ticks of clocks; the step must not go past [`Self::next_tick`].

@@ -1,4 +1,5 @@
-//! Builds FMUs of FMI 2.0 and 3.0, for co-simulation and model exchange, from `decay.c`.
+//! Builds FMUs of FMI 2.0 and 3.0, for co-simulation and model exchange, from `decay.c`, and FMUs with clocks, for
+//! co-simulation and scheduled execution, from `clocks.c`.
 
 use std::fs::File;
 use std::io::Write;
@@ -12,11 +13,14 @@ use fmu_import::description::FmiVersion;
 const SOURCE: &str = include_str!("../data/decay.c");
 const DESCRIPTION_2: &str = include_str!("../data/decay2.xml");
 const DESCRIPTION_3: &str = include_str!("../data/decay3.xml");
+const CLOCKS: [&str; 2] = [include_str!("../data/clocks.c"), include_str!("../data/clocks.xml")];
 
 /// Options for building an FMU.
 pub(crate) struct Decay<'a> {
     pub(crate) fmi: FmiVersion,
-    /// Defects, as macros of `decay.c`.
+    /// True for `clocks.c`, false for `decay.c`.
+    pub(crate) has_clocks: bool,
+    /// Defects, as macros of the source.
     pub(crate) defects: &'a [&'a str],
     /// Replacements in the description: old text, new text.
     pub(crate) edits: &'a [(&'a str, &'a str)],
@@ -26,18 +30,18 @@ pub(crate) struct Decay<'a> {
 
 impl Decay<'_> {
     pub(crate) fn new(fmi: FmiVersion) -> Self {
-        Self { fmi, defects: &[], edits: &[], terminals: "" }
+        Self { fmi, has_clocks: false, defects: &[], edits: &[], terminals: "" }
     }
 
     /// Compiles and packs the FMU into a folder, as `Decay2.fmu` or `Decay3.fmu`.
     pub(crate) fn pack(&self, folder: &Path) -> PathBuf {
         let (number, description) = match self.fmi {
             FmiVersion::V2 => (2, DESCRIPTION_2),
-            FmiVersion::V3 => (3, DESCRIPTION_3),
+            FmiVersion::V3 => (3, if self.has_clocks { CLOCKS[1] } else { DESCRIPTION_3 }),
         };
         let source = folder.join("decay.c");
         let binary = source.with_extension("so");
-        std::fs::write(&source, SOURCE).unwrap();
+        std::fs::write(&source, if self.has_clocks { CLOCKS[0] } else { SOURCE }).unwrap();
         let mut cc = Command::new("cc");
         cc.args(["-O1", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off"]).arg(format!("-DFMI={number}"));
         cc.args(self.defects.iter().map(|defect| format!("-D{defect}")));

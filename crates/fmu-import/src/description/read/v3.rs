@@ -75,6 +75,11 @@ impl<'a> VariableReader<'a> {
                     interval: source("intervalDecimal").real("intervalDecimal")?,
                     shift: source("shiftDecimal").real("shiftDecimal")?.unwrap_or(0.0),
                     clocks: clocks(element)?,
+                    priority: source("priority")
+                        .attribute("priority")
+                        .and_then(|text| text.trim().parse().ok())
+                        .unwrap_or(0),
+                    can_be_deactivated: source("canBeDeactivated").boolean("canBeDeactivated")?.unwrap_or(false),
                     description,
                 });
             }

@@ -6,18 +6,15 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 11] = [
-    "fmi3InstantiateScheduledExecution",
+pub(super) const UNUSED: [&str; 8] = [
     "fmi3GetNumberOfVariableDependencies",
     "fmi3GetVariableDependencies",
     "fmi3GetIntervalFraction",
     "fmi3GetShiftFraction",
-    "fmi3SetIntervalDecimal",
     "fmi3SetIntervalFraction",
     "fmi3SetShiftDecimal",
     "fmi3SetShiftFraction",
     "fmi3EvaluateDiscreteStates",
-    "fmi3ActivateModelPartition",
 ];
 
 table! {
@@ -67,6 +64,11 @@ table! {
         deserialize_state: v3::DeserializeState = "fmi3DeserializeFMUState",
         get_directional_derivative: v3::GetDerivative = "fmi3GetDirectionalDerivative",
         get_adjoint_derivative: v3::GetDerivative = "fmi3GetAdjointDerivative",
+        get_clock: v3::GetClock = "fmi3GetClock",
+        set_clock: v3::SetClock = "fmi3SetClock",
+        get_interval: v3::GetInterval = "fmi3GetIntervalDecimal",
+        set_interval: v3::SetInterval = "fmi3SetIntervalDecimal",
+        get_shift: v3::GetShift = "fmi3GetShiftDecimal",
     }
     CoSimulation {
         needed {
@@ -77,10 +79,6 @@ table! {
         begin_event: c_api::Transition = "fmi3EnterEventMode",
         update_event: v3::UpdateDiscreteStates = "fmi3UpdateDiscreteStates",
         end_event: c_api::Transition = "fmi3EnterStepMode",
-        get_clock: v3::GetClock = "fmi3GetClock",
-        set_clock: v3::SetClock = "fmi3SetClock",
-        get_interval: v3::GetInterval = "fmi3GetIntervalDecimal",
-        get_shift: v3::GetShift = "fmi3GetShiftDecimal",
     }
     ModelExchange {
         needed {
@@ -98,5 +96,11 @@ table! {
         get_nominals: c_api::GetNumbers = "fmi3GetNominalsOfContinuousStates",
         get_number_of_states: v3::GetNumber = "fmi3GetNumberOfContinuousStates",
         get_number_of_event_indicators: v3::GetNumber = "fmi3GetNumberOfEventIndicators",
+    }
+    ScheduledExecution {
+        needed {
+            instantiate_scheduled_execution: v3::InstantiateScheduledExecution = "fmi3InstantiateScheduledExecution",
+            activate_partition: v3::ActivatePartition = "fmi3ActivateModelPartition",
+        }
     }
 }
