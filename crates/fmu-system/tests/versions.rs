@@ -203,7 +203,7 @@ fn a_component_for_model_exchange_only_is_a_mistake() {
     let line = line.lines().find(|line| line.contains("<CoSimulation")).unwrap();
     Decay { edits: &[(line, "")], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
     let mistakes = plan(&folder, &scenario(FmiVersion::V3)).unwrap_err();
-    let expected = "has no co-simulation interface; scenarios need one to step their FMUs";
+    let expected = "has neither an interface for co-simulation nor one for scheduled execution; scenarios need one to step their FMUs";
     assert!(mistakes[0].ends_with(expected), "{mistakes:?}");
 }
 
@@ -250,4 +250,30 @@ fn aliases_are_names() {
     assert!(said.contains("`k` sets `k` again") || said.contains("`gain` sets `k` again"), "{said}");
     let twice = ALIASES.replace("command = 2.0", "command = 2.0, u = 2.0");
     assert!(plan(&folder, &twice).unwrap_err().join("\n").contains("both match `u`"));
+}
+
+/// An FMU without co-simulation is stepped in scheduled execution, at the times in its description: `every` at 0.25 s
+/// and then every 0.5 s, `varying` 0.3 s and 1 s after each full second, `timer` at 1.25 s.
+#[test]
+fn a_component_with_scheduled_execution_only_is_stepped() {
+    let folder = folder();
+    let text = include_str!("../../fmu-import/tests/data/clocks.xml");
+    let interface = text.lines().find(|line| line.contains("<CoSimulation")).unwrap();
+    Decay { has_clocks: true, edits: &[(interface, "")], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+    let scenario = "title = \"Scheduled\"\n[simulation]\nstop = 1.5\nstep = 0.25\n[[component]]\nname = \"one\"\nfmu = \"Decay3\"\ninputs = { u = 1.0 }\n\
+                    [[component]]\nname = \"two\"\nfmu = \"Decay3\"\ninputs = { u = 1.0 }\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n\
+                    [record]\nsignals = [\"one:ticks\"]\n";
+    let plan = plan(&folder, scenario).unwrap();
+    assert_eq!(plan.runs[0].components[0].model_identifier, "Decay");
+    let never = "the clock `asked` of `one` is triggered and never ticks: no clock is connected to it";
+    assert!(plan.warnings.iter().any(|warning| warning.ends_with(never)), "{:?}", plan.warnings);
+    let recording = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
+    // A tick at the end of a step belongs to the next one.
+    assert_eq!(recording.column(0).unwrap(), [0.0, 0.0, 2.0, 2.0, 3.0, 4.0, 7.0]);
+
+    // Its clocks are those of the scheduler.
+    let connected = format!("{scenario}[[connection]]\nfrom = \"one:third\"\nto = \"two:asked\"\n");
+    let mistakes = self::plan(&folder, &connected).unwrap_err();
+    let rule = "is a Clock in scheduled execution, which cannot be connected";
+    assert!(mistakes[0].contains(&format!("`one:third` {rule}, but its target `two:asked` {rule}")), "{mistakes:?}");
 }

@@ -66,7 +66,10 @@ impl<'a> Resolver<'a> {
         let input = to.map(|to| (to.0, clock(to).reference));
         let is_target = |clock: &Clock| clock.causality == Causality::Input && is_triggered(clock);
         let is_source = |clock: &Clock| clock.causality != Causality::Local && !is_target(clock);
-        let is_valid = from.is_some_and(|from| is_source(clock(from))) && to.is_some_and(|to| is_target(clock(to)));
+        let shares = |(m, _): (usize, usize)| system.members[m].shares_clocks();
+        let is_valid = from.is_some_and(|from| is_source(clock(from)) && shares(from))
+            && to.is_some_and(|to| is_target(clock(to)) && shares(to));
+        let scheduled = [from, to].map(|end| end.is_some_and(|end| !shares(end)));
         let known = input.map(|input| clocks.insert(input, from.filter(|_| is_valid)));
         let [from, to] = [from, to].map(|end| end.map(clock));
         let (message, help) = if is_valid {
@@ -76,8 +79,12 @@ impl<'a> Resolver<'a> {
             (format!("a second connection writes `{}`", connection.to.get_ref()), None)
         } else {
             let mut words = Vec::new();
-            for ((end, causality), clock) in ends.into_iter().zip([from, to]) {
+            for ((end, causality), (clock, is_scheduled)) in ends.into_iter().zip([from, to].into_iter().zip(scheduled))
+            {
                 let is = match (clock, clock.map(|clock| clock.causality)) {
+                    (Some(_), _) if is_scheduled => {
+                        "a Clock in scheduled execution, which cannot be connected".to_owned()
+                    }
                     (Some(clock), Some(Causality::Input)) => format!("a {} input Clock", clock.interval_variability),
                     (Some(_), Some(Causality::Output)) => "an output Clock".to_owned(),
                     (Some(_), _) => "a local Clock".to_owned(),
@@ -100,6 +107,7 @@ impl<'a> Resolver<'a> {
     /// same name.
     pub(super) fn wire_clocks(&mut self, system: &mut System<'a>, connections: &ClockConnections) {
         let outputs: Vec<(usize, usize)> = (system.members.iter().enumerate())
+            .filter(|(_, member)| member.shares_clocks())
             .flat_map(|(m, member)| member.all_clocks(Causality::Output).map(move |(index, _)| (m, index)))
             .collect();
         let mut wired = Vec::new();
@@ -119,7 +127,7 @@ impl<'a> Resolver<'a> {
                 let is_own = |name: &str| {
                     member.triggered().any(|(_, own)| own.reference == clock.reference && own.name == name)
                 };
-                let others = outputs.iter().filter(|from| from.0 != m);
+                let others = outputs.iter().filter(|from| from.0 != m && member.shares_clocks());
                 let others = others.map(|from| (*from, &system.members[from.0], system.members[from.0].clock(from.1)));
                 let same: Vec<_> = others.clone().filter(|(_, _, other)| is_own(&other.name)).collect();
                 let list = |ends: &mut dyn Iterator<Item = (_, &CaseComponent<'_>, &Clock)>| {

@@ -103,9 +103,12 @@ impl<'a> Resolver<'a> {
         missing: &mut Vec<(&'s str, Range<usize>)>,
     ) -> Option<Found> {
         match source.find(name) {
-            Ok(Some(found)) if found.description.co_simulation.is_none() => {
-                let message =
-                    format!("{} has no co-simulation interface; scenarios need one to step their FMUs", found.path);
+            Ok(Some(found)) if found.description.interface(found.description.stepped_interface()).is_none() => {
+                let message = format!(
+                    "{} has neither an interface for co-simulation nor one for scheduled execution; scenarios need one to \
+                     step their FMUs",
+                    found.path
+                );
                 self.problems.add(span, message);
                 None
             }

@@ -38,6 +38,11 @@ impl CaseComponent<'_> {
         &self.found.description.clocks[index]
     }
 
+    /// Returns true if other components can share the ticks of its clocks: not in scheduled execution.
+    pub(super) fn shares_clocks(&self) -> bool {
+        self.found.description.co_simulation.is_some()
+    }
+
     /// The clocks with this causality, by index; also their aliases.
     pub(super) fn all_clocks(&self, causality: Causality) -> impl Iterator<Item = (usize, &Clock)> {
         self.found.description.clocks.iter().enumerate().filter(move |(_, clock)| clock.causality == causality)

@@ -593,9 +593,9 @@ impl<'a> Resolver<'a> {
                     fmu: member.found.path.clone(),
                     fmi: description.fmi,
                     model_identifier: description
-                        .co_simulation
-                        .as_ref()
-                        .map_or(String::new(), |c| c.model_identifier.clone()),
+                        .model_identifier(description.stepped_interface())
+                        .unwrap_or_default()
+                        .to_owned(),
                     guid: description.guid.clone(),
                     structure: description.structure.clone(),
                     parameters: Vec::new(),
