@@ -79,26 +79,26 @@ fn defects_of_clocks_are_found() {
             "QUALIFIER=0",
             both,
             "every",
-            "has an interval with the qualifier 0 (not yet known), which only countdown clocks may have",
+            "has an interval whose qualifier is 0 (not yet known), which only countdown clocks may have",
         ),
         (
             "QUALIFIER=2",
             both,
             "every",
-            "has an interval with the qualifier 2 (changed), although the description contains the interval",
+            "has an interval whose qualifier is 2 (changed), although the description contains the interval",
         ),
-        ("QUALIFIER=7", both, "every", "has an interval with the qualifier 7, but it must be 0, 1 or 2"),
+        ("QUALIFIER=7", both, "every", "has an interval whose qualifier is not 0, 1 or 2"),
         (
             "COUNTDOWN_UNCHANGED",
             both,
             "timer",
-            "has an interval with the qualifier 1 (unchanged), although no earlier interval is still valid",
+            "has an interval whose qualifier is 1 (unchanged), although no earlier interval is still valid",
         ),
         (
             "CHANGING_UNCHANGED",
             both,
             "varying",
-            "has an interval with the qualifier 1 (unchanged), although no earlier interval is still valid",
+            "has an interval whose qualifier is 1 (unchanged), although no earlier interval is still valid",
         ),
         // Deactivation.
         ("NOT_DEACTIVATED", cs, "timer", "has `canBeDeactivated`, but fmi3SetClock returned fmi3Error"),
@@ -173,7 +173,11 @@ fn defects_of_clocks_are_found() {
             cs,
             "error: clocks: tick at other times, or in another order, if states are restored in events",
         ),
-        ("LOCKED", se, "error: fmi3ActivateModelPartition: calls lockPreemption 1 times, but unlockPreemption 0 times"),
+        (
+            "LOCKED",
+            se,
+            "error: fmi3ActivateModelPartition: does not call lockPreemption and unlockPreemption equally often",
+        ),
         // An interval of 0 again and again.
         ("ENDLESS", cs, "error: clocks: fmi3UpdateDiscreteStates: more than 100 event iterations at one time"),
         (

@@ -7,6 +7,7 @@ use super::system;
 use crate::c_api;
 use crate::description::{FmiVersion, Interface};
 
+#[allow(clippy::large_enum_variant, reason = "a library has one table")]
 pub(super) enum Functions {
     V2(v2::Functions),
     V3(v3::Functions),

@@ -24,10 +24,8 @@ use std::sync::Arc;
 pub struct Activation {
     /// Calls of `clockUpdate`.
     pub updates: usize,
-    /// Calls of `lockPreemption`.
-    pub locks: usize,
-    /// Calls of `unlockPreemption`.
-    pub unlocks: usize,
+    /// Calls of `lockPreemption` minus those of `unlockPreemption`.
+    pub locks: isize,
 }
 
 /// The activation that a thread executes.
@@ -58,7 +56,7 @@ pub(super) unsafe extern "C" fn lock_preemption() {
 }
 
 pub(super) unsafe extern "C" fn unlock_preemption() {
-    running(|running| running.activation.unlocks += 1);
+    running(|running| running.activation.locks -= 1);
 }
 
 /// Asks for output clocks and intervals. Ignored in other threads, and with the environment of another instance.
@@ -66,25 +64,24 @@ pub(super) unsafe extern "C" fn clock_update(environment: *mut c_void) {
     running(|running| {
         if running.environment == environment {
             running.activation.updates += 1;
-            running.failure = running.failure.take().or_else(|| running.ask().err());
+            running.ask();
         }
     });
 }
 
 impl Running {
-    fn ask(&mut self) -> Result<(), (Function, RawStatus)> {
+    fn ask(&mut self) {
         let Functions::V3(v3::Functions { get_clock: Some(get_clock), get_interval: Some(get_interval), .. }) =
             &self.library.functions
         else {
-            return Ok(());
+            return;
         };
+        let failure = |function, status| (status > 1).then_some((function, status));
         for (clock, _) in &self.library.signature.output_clocks {
             let mut ticks: RawBoolean = 0;
             // SAFETY: live instance in Clock Update Mode; one clock, and its state is written through a valid pointer.
             let status = unsafe { get_clock(self.component, &raw const *clock, 1, &raw mut ticks) };
-            if status > 1 {
-                return Err((Function::GetClock, status));
-            }
+            self.failure = self.failure.or(failure(Function::GetClock, status));
             self.fired.extend((ticks != 0).then_some(*clock));
         }
         let clocks = self.library.signature.clocks.iter();
@@ -93,15 +90,12 @@ impl Running {
             // SAFETY: as above; the interval is written through valid pointers.
             let status =
                 unsafe { get_interval(self.component, &raw const clock, 1, &raw mut interval, &raw mut qualifier) };
-            if status > 1 {
-                return Err((Function::GetIntervalDecimal, status));
-            }
+            self.failure = self.failure.or(failure(Function::GetIntervalDecimal, status));
             // A later update in the same activation repeats an interval only as unchanged.
             if qualifier == super::clocks::CHANGED || !self.intervals.contains_key(&clock) {
                 self.intervals.insert(clock, (interval, qualifier));
             }
         }
-        Ok(())
     }
 }
 
