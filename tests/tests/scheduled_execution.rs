@@ -9,7 +9,9 @@ use tests::{ok, workspace};
 
 /// Ticks of the three clocks and their sum, `result2`, `output3`; at each call of `clockUpdate`: true if `inClock3` has a
 /// new interval, and true if `outClock` has ticked.
-const EXPECTED: [([i32; 6], &[(bool, bool)]); 10] = [
+type Row = ([i32; 6], &'static [(bool, bool)]);
+
+const EXPECTED: [Row; 10] = [
     ([1, 1, 0, 2, 10, 0], &[]),
     ([2, 2, 0, 4, 20, 0], &[]),
     ([3, 2, 0, 5, 20, 0], &[(false, true)]),
