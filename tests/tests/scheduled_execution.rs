@@ -7,8 +7,8 @@ use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;
 use tests::{ok, workspace};
 
-/// Ticks of the three clocks and their sum, `result2`, `output3`; at each call of `clockUpdate`: true if `inClock3` has a
-/// new interval, and true if `outClock` has ticked.
+/// Ticks of the three clocks and their sum, `result2`, `output3`; at each call of `clockUpdate`: true if `inClock3` has
+/// a new interval, and true if `outClock` has ticked.
 type Row = ([i32; 6], &'static [(bool, bool)]);
 
 const EXPECTED: [Row; 10] = [

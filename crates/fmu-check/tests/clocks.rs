@@ -1,4 +1,5 @@
-//! `check` on an FMU with clocks, built from C, with one defect each. Reference: FMI 3.0.2, sections 2.2.8, 2.3.5 and 5.2.
+//! `check` on an FMU with clocks, built from C, with one defect each. Reference: FMI 3.0.2, sections 2.2.8, 2.3.5 and
+//! 5.2.
 #![cfg(unix)]
 
 #[path = "../../fmu-import/tests/support/decay.rs"]

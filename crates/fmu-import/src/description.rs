@@ -592,7 +592,7 @@ impl ModelDescription {
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
     }
 
-    /// The interface with which a master steps the FMU: co-simulation, or scheduled execution if the FMU does not have it.
+    /// The interface with which a master steps the FMU: co-simulation, otherwise scheduled execution if the FMU has it.
     pub fn stepped_interface(&self) -> Interface {
         match (&self.co_simulation, &self.scheduled_execution) {
             (None, Some(_)) => Interface::ScheduledExecution,

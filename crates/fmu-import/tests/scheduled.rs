@@ -46,8 +46,8 @@ fn integer(instance: &mut Instance, reference: u32) -> i32 {
     value[0]
 }
 
-/// Number of ticks before a time: `every` at 0.25 s and then every 0.5 s, `timer` at each third of these ticks, `varying`
-/// 0.3 s and 1 s after each full second.
+/// Number of ticks before a time: `every` at 0.25 s and then every 0.5 s, `timer` at each third of these ticks,
+/// `varying` 0.3 s and 1 s after each full second.
 fn ticks(before: f64) -> i32 {
     let every = (0..).take_while(|k| 0.25 + 0.5 * f64::from(*k) < before).count();
     let varying = (0..20).flat_map(|n| [f64::from(n) + 0.3, f64::from(n) + 1.0]).filter(|time| *time < before).count();

@@ -1,4 +1,4 @@
-//! Clocks of FMI 3.0, in Event Mode of co-simulation and in scheduled execution (FMI 3.0.2, sections 2.2.8, 2.3.5 and 5.2).
+//! Clocks, in Event Mode of co-simulation and in scheduled execution (FMI 3.0.2, sections 2.2.8, 2.3.5 and 5.2).
 
 use super::experiment::ends_simulation;
 use super::{CheckResult, Report, Trial, describe, found};
@@ -50,8 +50,8 @@ fn wrong_qualifier(clock: &Clock, asked: &AskedInterval) -> Option<Finding> {
 }
 
 impl Trial<'_> {
-    /// Checks intervals, determinism, saved states in events, deactivation, the calls of `clockUpdate`, and that the FMU
-    /// rejects calls that the standard forbids.
+    /// Checks intervals, determinism, saved states in events, deactivation, the calls of `clockUpdate`, and that the
+    /// FMU rejects calls that the standard forbids.
     pub(super) fn clocks(&self, report: Report<'_>) -> CheckResult<()> {
         if self.description.clocks.is_empty() {
             return Ok(());
@@ -137,8 +137,8 @@ impl Trial<'_> {
         instance.evaluate().map(|()| Activation::default())
     }
 
-    /// Runs from event to event. Time-based clocks tick at their times, triggered ones in every third event. In the first
-    /// events, the ticks are repeated after the state was restored.
+    /// Runs from event to event. Time-based clocks tick at their times, triggered ones in every third event. In the
+    /// first events, the ticks are repeated after the state was restored.
     fn run(&self, restored: usize, probe: Probe<'_>) -> CheckResult<Run> {
         let (mut instance, mut run, mut time) = (self.in_event()?, Run::default(), self.start);
         for event in 0..EVENTS {
@@ -207,8 +207,8 @@ impl Trial<'_> {
         }
     }
 
-    /// Finds output clocks and new intervals for which the FMU does not call `clockUpdate`. Errors end a run, because an
-    /// FMU may reject these calls outside `clockUpdate`.
+    /// Finds output clocks and new intervals for which the FMU does not call `clockUpdate`. Errors end a run, because
+    /// an FMU may reject these calls outside `clockUpdate`.
     fn unreported(&self, report: Report<'_>) {
         for causality in [Causality::Output, Causality::Input] {
             let missing = Cell::new(None);

@@ -72,9 +72,9 @@ unsafe impl Send for Instance {}
 
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation`, `fmi3InstantiateModelExchange` or
-    /// `fmi3InstantiateScheduledExecution`, for the library's interface. Sets `visible` to false, and uses neither early
-    /// return nor, in co-simulation without clocks, Event Mode. `logging` requests messages other than errors. Fails if the
-    /// FMU returns no instance, or if a name contains a zero byte.
+    /// `fmi3InstantiateScheduledExecution`, for the library's interface. Sets `visible` to false, and uses neither
+    /// early return nor, in co-simulation without clocks, Event Mode. `logging` requests messages other than errors.
+    /// Fails if the FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
@@ -411,8 +411,9 @@ impl Instance {
         self.configure()
     }
 
-    /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval. No earlier state may be restored afterwards. Also fails if
-    /// the FMU has not finished the step, or ends the simulation.
+    /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval.
+    /// No earlier state may be restored afterwards. Also fails if the FMU has not finished the step, or ends the
+    /// simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         match &self.clocks {
             None => self.step(time, step),

@@ -1,8 +1,8 @@
 //! Scheduled execution of FMI 3.0 (FMI 3.0.2, chapter 5) without preemption, for tests and demonstrations.
 //!
-//! [`Instance::do_step`] activates the partitions of time-based clocks one after the other, each at its time; at the same
-//! time, smaller priorities come first. Clocks that are due at the end of a step tick in the next step. Triggered clocks
-//! tick if the caller activates them, and output clocks activate nothing.
+//! [`Instance::do_step`] activates the partitions of time-based clocks one after the other, each at its time; at the
+//! same time, smaller priorities come first. Clocks that are due at the end of a step tick in the next step. Triggered
+//! clocks tick if the caller activates them, and output clocks activate nothing.
 //!
 //! Variables that are set get their values before the next activation, and clocked outputs are read after each one.
 
@@ -104,8 +104,8 @@ impl Instance {
         self.signature().interface == Interface::ScheduledExecution
     }
 
-    /// `fmi3ActivateModelPartition`, in s: sets the variables that were changed, and reads the clocked outputs. The next
-    /// ticks of time-based clocks follow from the intervals that the FMU reports.
+    /// `fmi3ActivateModelPartition`, in s: sets the variables that were changed, and reads the clocked outputs. The
+    /// next ticks of time-based clocks follow from the intervals that the FMU reports.
     pub fn activate_partition(&mut self, clock: Reference, time: f64) -> Result<Activation, CallError> {
         self.with_clocks(|this, clocks| {
             clocks.active = vec![clock];
