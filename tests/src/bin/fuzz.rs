@@ -69,7 +69,7 @@ fn main() -> ExitCode {
     let name_of = |interface| if interface == Interface::CoSimulation { "cs" } else { "me" };
     let unscheduled = runs().filter(|(.., interface)| is_wanted(name_of(*interface)));
     let scheduled =
-        fmus.iter().zip(&raws).filter(|(fmu, _)| fmu.description.has_scheduled_execution && is_wanted("se"));
+        fmus.iter().zip(&raws).filter(|(fmu, _)| fmu.description.scheduled_execution.is_some() && is_wanted("se"));
     let all_runs = unscheduled.map(|(fmu, raw, interface)| (fmu, raw, Some(interface)));
     for (fmu, raw, interface) in all_runs.chain(scheduled.map(|(fmu, raw)| (fmu, raw, None))) {
         let others = states.iter().filter(|(guid, _)| *guid != fmu.description.guid);
