@@ -8,6 +8,7 @@ use fmu_import::description::Interface;
 use fmu_import::wasm;
 use fmu_system::export::System;
 use fmu_system::plan::Plan;
+use fmu_system::run::Component;
 use std::io::{self, Cursor, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -17,9 +18,9 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 /// Name and content of the file. The file name contains the platform, because the FMUs in the file have binaries for
 /// this platform only.
 pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
-    let describe = |path: &str| {
-        let missing = || ArchiveError::new(Path::new(path), io::Error::from(io::ErrorKind::NotFound));
-        fmus.described(path).map(Arc::clone).ok_or_else(missing)
+    let describe = |component: &Component| {
+        let missing = || ArchiveError::new(Path::new(&component.fmu), io::Error::from(io::ErrorKind::NotFound));
+        fmus.described(&component.fmu).map(Arc::clone).ok_or_else(missing)
     };
     let mut plan = plan.clone();
     plan.simulation = running.simulation;

@@ -18,7 +18,7 @@ mod xml;
 
 use crate::plan::Plan;
 use crate::run::{self, Run, Wire};
-use fmu_import::archive::{ArchiveError, read_description};
+use fmu_import::archive::{ArchiveError, read_description_with};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription, Unit, Variable};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
@@ -127,17 +127,19 @@ impl System {
     /// # Errors
     /// An FMU cannot be read or has changed since the plan was made, signals come from a file, the file name of an FMU
     /// is not valid in a URI, an enumeration or an element of an array is set or connected, clocks are connected, a
-    /// component has structural parameters, a connection converts between Real and Boolean, or a unit of measure has two
-    /// definitions.
+    /// connection converts between Real and Boolean, or a unit of measure has two definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
-        Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
+        let describe = |component: &run::Component| {
+            Ok(read_description_with(Path::new(&component.fmu), &component.structure)?.with_elements().into())
+        };
+        Self::described(plan, run, &describe)
     }
 
-    /// As [`Self::new`]; `describe` returns the description of an FMU by its path in the plan.
+    /// As [`Self::new`]; `describe` returns the description of the FMU of a component.
     pub fn described(
         plan: &Plan,
         run: &Run,
-        describe: &dyn Fn(&str) -> Result<Arc<ModelDescription>, ArchiveError>,
+        describe: &dyn Fn(&run::Component) -> Result<Arc<ModelDescription>, ArchiveError>,
     ) -> Result<Self, ExportError> {
         if !run.series.is_empty() {
             return Err(ExportError::InputSeries);
@@ -156,11 +158,7 @@ impl System {
                     clock.component, clock.source, planned.name, clock.name
                 )));
             }
-            let description = describe(&planned.fmu)?;
-            if !planned.structure.is_empty() {
-                let reason = "structural parameters, which other masters do not set before the initialization; use the native master";
-                return Err(ExportError::Unsupported(format!("`{}` has {reason}", planned.name)));
-            }
+            let description = describe(planned)?;
             let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
                 name: planned.name.clone(),
@@ -190,6 +188,12 @@ impl System {
             // A start value of the steady state replaces the parameter.
             let is_found = |name: &str| planned.steady.iter().flatten().any(|setting| setting.name == name);
             let parameters = planned.parameters.iter().filter(|setting| !is_found(&setting.name));
+            // Masters of SSP 2.0 set structural parameters in Configuration Mode (SSP 2.0, section ParameterBindings).
+            for (name, value) in &planned.structure {
+                let of = description.variable(name).map_or(String::new(), |of| type_name(of, description.fmi));
+                component.value_types.insert(name.clone(), of);
+                component.values.push(Parameter { name: name.clone(), value: value.clone(), unit: None });
+            }
             for setting in parameters.chain(steady).chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
                 reject(variable, &planned.name)?;

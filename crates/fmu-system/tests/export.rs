@@ -433,3 +433,36 @@ fn a_unit_of_measure_with_two_meanings_is_rejected() {
     described(&folder, "Sink", &unit(1852.0), "", &variable("input", " start=\"0\""));
     assert_eq!(rejected(&folder), "the unit of measure `mile` is defined differently in Sink.fmu and Source.fmu");
 }
+
+/// References: SSP 2.0, section ParameterBindings: structural parameters of FMI 3.0 are set in Configuration Mode.
+#[test]
+fn structural_parameters_are_parameters_of_ssp_2() {
+    let folder = TempDir::new().unwrap();
+    let mut zip = ZipWriter::new(File::create(folder.path().join("Arrays.fmu")).unwrap());
+    zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
+    zip.write_all(include_bytes!("data/arrays.xml")).unwrap();
+    zip.finish().unwrap();
+    let text = r#"
+title = "Sizes"
+simulation = { stop = 1.0, step = 0.1 }
+component = [{ name = "a", fmu = "Arrays", structure = { n = 4 }, parameters = { up = 7 }, inputs = { s = 3, q = 0 } }]
+case = [{ name = "only", title = "Only" }]
+record = { signals = ["so", "t"] }
+"#;
+    let sized = plan(&folder, text, &Options::default());
+    let system = System::new(&sized, &sized.runs[0]).unwrap();
+    let out = folder.path().join("out");
+    let files = system.write(&out, false).unwrap();
+    let values = String::from_utf8(entries(&files[0]).remove("resources/a.ssv").unwrap()).unwrap();
+    let found = ParameterSet::parse(&values).unwrap().parameters;
+    let found: Vec<_> = found.iter().map(|one| (one.name.as_str(), one.value.clone())).collect();
+    assert_eq!(found, [("n", 4), ("up", 7), ("s", 3), ("q", 0)].map(|(name, value)| (name, Value::Integer(value))));
+    assert!(values.contains("version=\"2.0\"") && values.contains("<ssv:UInt64 value=\"4\"/>"), "{values}");
+    // The elements of `t`, whose number is n, are recorded only.
+    assert_eq!(system.components[0].connectors.len(), 1);
+
+    let set = text.replace("up = 7", "k = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]");
+    let set = plan(&folder, &set, &Options::default());
+    let error = System::new(&set, &set.runs[0]).unwrap_err().to_string();
+    assert!(error.starts_with("`a:k[1,1]` is an element of an array"), "{error}");
+}
