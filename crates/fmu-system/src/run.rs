@@ -6,11 +6,11 @@
 
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, FmiVersion, StructuralParameters, Value, Variable};
+use fmu_import::description::{BaseType, FmiVersion, ModelDescription, StructuralParameters, Value, Variable};
 use fmu_import::loader::Message;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 /// Times, s, and order of execution.
@@ -104,6 +104,48 @@ pub struct Component {
     /// Triggered input clocks that another clock activates.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clocks: Vec<ClockWire>,
+    /// Arrays with elements that settings and wires have as variables (FMI 3.0).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub arrays: Vec<ArrayElements>,
+}
+
+/// An array whose elements are variables in a plan. The FMU has a value reference for the array only.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ArrayElements {
+    /// Value reference of the array.
+    pub reference: Reference,
+    /// Value reference of the first element in the plan; those of the others follow, row by row.
+    pub first: Reference,
+    /// Number of elements.
+    pub size: usize,
+    /// Start values of the elements; empty if the description does not have them all.
+    pub starts: Vec<Value>,
+}
+
+impl Component {
+    /// Lists the arrays with elements that the component uses; all if it starts in a steady state.
+    pub(crate) fn list_arrays(&mut self, description: &ModelDescription) {
+        let settings = self.parameters.iter().chain(&self.constants).map(|setting| setting.reference);
+        let wires = self.inputs.iter().chain(&self.outputs).map(|wire| wire.reference);
+        let used: HashSet<Reference> = settings.chain(wires).collect();
+        let elements = description.variables.iter().filter(|variable| variable.alias_of.is_none());
+        let elements: Vec<_> = elements.filter_map(|variable| Some((variable.element?.array, variable))).collect();
+        let of_arrays = elements.chunk_by(|one, next| one.0 == next.0);
+        let is_used = |elements: &&[(_, &Variable)]| {
+            self.steady.is_some() || elements.iter().any(|(_, element)| used.contains(&element.reference))
+        };
+        let array = |elements: &[(Reference, &Variable)]| ArrayElements {
+            reference: elements[0].0,
+            first: elements[0].1.reference,
+            size: elements.len(),
+            starts: elements
+                .iter()
+                .map(|(_, element)| element.start.clone())
+                .collect::<Option<_>>()
+                .unwrap_or_default(),
+        };
+        self.arrays = of_arrays.filter(is_used).map(array).collect();
+    }
 }
 
 /// A triggered input clock and the clock whose ticks activate it.

@@ -450,6 +450,27 @@ fn binaries_of_other_content_are_not_connected() {
     assert_eq!(output.mismatch(&input), Some(types));
 }
 
+/// The description has start values of all arrays but the output `v`.
+#[test]
+fn the_plan_lists_arrays_with_elements_in_use() {
+    let folder = folder();
+    let scenario = Scenario {
+        inputs: "\"w[2]\" = 5",
+        parameters: "\"e[1]\" = 3",
+        signals: &["a:v[3]", "a:so"],
+        ..Scenario::default()
+    };
+    let run = &scenario.plan(&folder).runs[0];
+    let of = |reference| run.components[0].arrays.iter().find(|array| array.reference == reference).unwrap();
+    assert_eq!(run.components[0].arrays.len(), 3, "w, v and e");
+    assert_eq!((of(9).size, &of(9).starts[..]), (3, &[0, 0, 0].map(Value::Integer)[..]));
+    assert_eq!((of(17).size, &of(17).starts[..]), (2, &[1, 2].map(Value::Integer)[..]));
+    assert_eq!((of(10).size, &of(10).starts[..]), (3, &[][..]));
+    assert_eq!(run.components[0].parameters[0].reference, of(17).first);
+    assert_eq!(run.components[0].outputs[0].reference, of(10).first + 2);
+    assert!(run.components[1].arrays.is_empty());
+}
+
 /// A list sets an array row by row, and names of arrays connect and record all elements.
 #[test]
 fn whole_arrays_are_set_connected_and_recorded() {

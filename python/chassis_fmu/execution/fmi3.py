@@ -1,15 +1,19 @@
 """Adapter that gives the functions of an FMI 3.0 FMU the names and arguments of FMI 2.0.
 
 It makes the same FMI 3.0 calls as the native master, so the results are bit-identical: one call transfers several
-scalars, but if one of them has a type that FMI 2.0 lacks, each scalar is transferred by a separate call.
+scalars, but if one of them has a type that FMI 2.0 lacks, belongs to a clock or is an element of an array, each one is
+transferred by a separate call.
 """
 
 from __future__ import annotations
 
 import ctypes
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
+
+from ..files.plan import ArrayElements, Bytes, Value
 
 # FMI 3.0 functions that replace those of FMI 2.0.
 NAMES = {
@@ -35,6 +39,7 @@ ERROR = 3
 
 # Types that FMI 2.0 also has.
 PLAIN = ("Float64", "Int32", "Boolean", "String")
+FLOATS = ("Float32", "Float64")
 
 # Suffix of the get and set functions, and C type, by FMI 3.0 type.
 _INTEGERS = [f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]
@@ -43,6 +48,8 @@ SPECIAL: Mapping[str, tuple[str, Any]] = {
     "Float64": ("Float64", ctypes.c_double),
     **{name: (name, getattr(ctypes, f"c_{name.lower()}")) for name in _INTEGERS},
     "Enumeration": ("Int64", ctypes.c_int64),
+    "Boolean": ("Boolean", ctypes.c_uint8),
+    "String": ("String", ctypes.c_char_p),
 }
 
 # Integers whose values can exceed the range of a 32-bit signed integer.
@@ -72,15 +79,44 @@ def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
     return _function(library, name, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t)
 
 
-class Functions:
-    """The functions of a shared library of FMI 3.0; `types` has the type of each value reference."""
+def given(value: Value) -> Any:
+    """Return a value of the plan as it is passed to the FMU."""
+    if isinstance(value, Bytes):
+        return bytes.fromhex(value.hex)
+    return value.encode() if isinstance(value, str) else value
 
-    def __init__(self, library: Any, types: Mapping[int, str]) -> None:
-        self._library = library
-        self._types = types
-        self.exact = {reference for reference, name in types.items() if name in EXACT}
-        self._special = {reference for reference, name in types.items() if name not in PLAIN}
-        self.wide = {reference for reference, name in types.items() if name in WIDE}
+
+class Functions:
+    """The functions of a shared library of FMI 3.0.
+
+    `types` has the type of each value reference, `arrays` the arrays whose elements have references of their own,
+    `clocked` the references of variables that belong to clocks.
+    """
+
+    def __init__(
+        self,
+        library: Any,
+        types: Mapping[int, str],
+        arrays: Sequence[ArrayElements] = (),
+        clocked: Iterable[int] = (),
+    ) -> None:
+        self.library = library
+        self._sizes = {array.reference: array.size for array in arrays}
+        # The array and the index of each element.
+        self._elements = {array.first + i: (array.reference, i) for array in arrays for i in range(array.size)}
+        self._types = {**types, **{element: types[array] for element, (array, _) in self._elements.items()}}
+        self.exact = {reference for reference, name in self._types.items() if name in EXACT}
+        self._special = {reference for reference, name in self._types.items() if name not in PLAIN}
+        self._special |= self._elements.keys() | set(clocked)
+        self.wide = {reference for reference, name in self._types.items() if name in WIDE}
+        # Values of arrays before the initialization, when they cannot be read (FMI 3.0.2, section 2.3.2).
+        self._given = {array.reference: [given(value) for value in array.starts] for array in arrays if array.starts}
+        # Structural parameters that are set after the instantiation: reference, name, value.
+        self.structure: Sequence[tuple[int, str, Value]] = ()
+        # Values of clocked variables by reference, between the ticks of their clocks.
+        self.held: dict[int, Sequence[Any]] = {}
+        # Clocked inputs that were set since the last tick.
+        self.pending: set[int] = set()
         self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
         # Real: Float64 and Float32. Integer: enumerations and integers of all widths, up to 2^53 in magnitude.
         self.fmi2GetReal = self._transfer("Get", "Float64", ctypes.c_double)
@@ -94,7 +130,9 @@ class Functions:
         self._enter = _function(library, "fmi3EnterInitializationMode", flag, real, real, flag, real)
         flags = (pointer(flag),) * 3
         self._do_step = _function(library, "fmi3DoStep", real, real, flag, *flags, pointer(real))
-        self._outcome = (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
+        # Whether the latest step requests an event.
+        self.event = ctypes.c_bool()
+        self._outcome = (self.event, ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
         self._outcome_pointers = tuple(ctypes.byref(value) for value in self._outcome)
         self.fmi2ExitInitializationMode = _function(library, "fmi3ExitInitializationMode")
         self.fmi2Terminate = _function(library, "fmi3Terminate")
@@ -109,12 +147,13 @@ class Functions:
     def fmi2EnterInitializationMode(self, component: Any) -> int:
         """Enter the initialization mode with the times of the experiment."""
         start, has_stop, stop = self._experiment
+        self._given.clear()
         return int(self._enter(component, False, 0.0, start, has_stop, stop))
 
     def fmi2DoStep(self, component: Any, time: float, step: float, final: int) -> int:
         """Advance; if the FMU ends the simulation or returns early, the status is "discard", as in FMI 2.0."""
-        _, terminate, early, _ = self._outcome
-        terminate.value = early.value = False
+        event, terminate, early, _ = self._outcome
+        event.value = terminate.value = early.value = False
         status = int(self._do_step(component, time, step, bool(final), *self._outcome_pointers))
         return DISCARD if status < DISCARD and (terminate.value or early.value) else status
 
@@ -128,14 +167,20 @@ class Functions:
         value._obj.value = int(self._outcome[1].value)
         return OK
 
+    def __getattr__(self, name: str) -> Callable[..., int]:
+        """Return a function that FMI 2.0 lacks; its arguments after the component have types of ctypes."""
+        function = self.library[name]
+        return lambda component, *arguments: int(function(ctypes.c_void_p(component), *arguments))
+
     def _transfer(self, verb: str, plain: str, kind: Any) -> Callable[..., int]:
         """Return a function that gets or sets all variables that FMI 2.0 would treat as one type."""
-        at_once = _getter(self._library, f"fmi3{verb}{plain}", kind)
-        one_by_one = self._get if verb == "Get" else self._set
+        at_once = _getter(self.library, f"fmi3{verb}{plain}", kind)
 
         def transfer(component: Any, references: Any, count: int, values: Any) -> int:
             if self._special and any(references[i] in self._special for i in range(count)):
-                return one_by_one(component, references, count, values, plain)
+                if verb == "Get":
+                    return self._get(component, references, count, values, plain)
+                return self._set(component, references, count, values)
             return at_once(component, references, count, values, count)
 
         return transfer
@@ -144,39 +189,96 @@ class Functions:
         least, most = -(2**31), 2**31 - 1
         if values._type_ is ctypes.c_int64:
             least, most = -LARGEST_WHOLE, LARGEST_WHOLE
-        for i in range(count):
-            name, kind = SPECIAL[self._types.get(references[i], plain)]
-            value = (kind * 1)()
-            reference = (ctypes.c_uint * 1)(references[i])
-            status = _getter(self._library, f"fmi3Get{name}", kind)(component, reference, 1, value, 1)
+        for array, places in itertools.groupby(range(count), lambda i: self.place(references[i])[0]):
+            status, whole = self.read(component, array)
             if not OK <= status < DISCARD:
                 return status
-            if plain == "Int32" and not least <= value[0] <= most:
-                return ERROR
-            values[i] = value[0]
+            for i in places:
+                values[i] = value = whole[self.place(references[i])[1]]
+                if plain == "Int32" and not least <= value <= most:
+                    return ERROR
         return OK
 
-    def _set(self, component: Any, references: Any, count: int, values: Any, plain: str) -> int:
-        for i in range(count):
-            name, kind = SPECIAL[self._types.get(references[i], plain)]
-            value = (kind * 1)(values[i])
-            # ctypes lets integers overflow silently, and converts numbers beyond Float32 to infinity.
-            if plain == "Int32" and value[0] != values[i]:
-                return ERROR
-            if plain == "Float64" and math.isfinite(value[0]) != math.isfinite(values[i]):
-                return ERROR
-            reference = (ctypes.c_uint * 1)(references[i])
-            status = _getter(self._library, f"fmi3Set{name}", kind)(component, reference, 1, value, 1)
+    def _set(self, component: Any, references: Any, count: int, values: Any) -> int:
+        for array, places in itertools.groupby(range(count), lambda i: self.place(references[i])[0]):
+            status, whole = OK, self._given.get(array, [0])
+            if array in self._sizes and array not in self._given:
+                status, found = self.read(component, array)
+                whole = list(found)
+            if OK <= status < DISCARD:
+                for i in places:
+                    whole[self.place(references[i])[1]] = values[i]
+                status, _ = self.write(component, array, whole)
             if not OK <= status < DISCARD:
                 return status
         return OK
+
+    def place(self, reference: int) -> tuple[int, int]:
+        """Return the array with an element, and its index; any other variable itself, and 0."""
+        return self._elements.get(reference, (reference, 0))
+
+    def read(self, component: Any, reference: int) -> tuple[int, Sequence[Any]]:
+        """Return the status, and the values of a variable or array; the bytes of Binaries are copied."""
+        if reference in self.held:
+            return OK, self.held[reference]
+        size, one = self._sizes.get(reference, 1), (ctypes.c_uint * 1)(reference)
+        if self._types[reference] == "Binary":
+            sizes, pointers = (ctypes.c_size_t * size)(), (ctypes.c_void_p * size)()
+            status = self._binary("Get")(component, one, 1, sizes, pointers, size)
+            if not OK <= status < DISCARD:
+                return status, ()
+            if any(length and not pointer for length, pointer in zip(sizes, pointers, strict=True)):
+                return ERROR, ()
+            return status, [ctypes.string_at(pointer or b"", n) for n, pointer in zip(sizes, pointers, strict=True)]
+        name, kind = SPECIAL[self._types[reference]]
+        values = (kind * size)()
+        return int(_getter(self.library, f"fmi3Get{name}", kind)(component, one, 1, values, size)), values
+
+    def write(self, component: Any, reference: int, values: Sequence[Any]) -> tuple[int, None]:
+        """Set a variable or array; the status is an error for a value that its type does not have."""
+        if reference in self.held:
+            self.held[reference] = list(values)
+            self.pending.add(reference)
+            return OK, None
+        size, one, type_name = len(values), (ctypes.c_uint * 1)(reference), self._types[reference]
+        if type_name == "Binary":
+            buffers = [ctypes.create_string_buffer(value, max(len(value), 1)) for value in values]
+            pointers = (ctypes.c_void_p * size)(*map(ctypes.addressof, buffers))
+            sizes = (ctypes.c_size_t * size)(*map(len, values))
+            return self._binary("Set")(component, one, 1, sizes, pointers, size), None
+        name, kind = SPECIAL[type_name]
+        converted = (kind * size)(*values)
+        # ctypes lets integers overflow silently, and converts numbers beyond Float32 to infinity.
+        for value, new in zip(values, converted, strict=True):
+            if math.isfinite(new) != math.isfinite(value) if type_name in FLOATS else new != value:
+                return ERROR, None
+        return _getter(self.library, f"fmi3Set{name}", kind)(component, one, 1, converted, size), None
+
+    def get(self, component: Any, reference: int) -> tuple[int, Any]:
+        """Return the status, and the value of a scalar or an element."""
+        array, index = self.place(reference)
+        status, values = self.read(component, array)
+        return status, values[index] if OK <= status < DISCARD else None
+
+    def set(self, component: Any, reference: int, value: Any) -> tuple[int, None]:
+        """Set a scalar or an element; returns the status."""
+        return self._set(component, [reference], 1, [value]), None
+
+    def function(self, verb: str, reference: int) -> str:
+        """Return the name of the function that gets or sets a variable."""
+        name = self._types[reference]
+        return f"fmi3{verb}{SPECIAL.get(name, (name,))[0]}"
 
     def fmi2GetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Read Booleans, which have one byte in FMI 3.0."""
+        if any(references[i] in self._special for i in range(count)):
+            return self._get(component, references, count, values, "Boolean")
         return self._booleans(self._get_boolean, component, references, count, values)
 
     def fmi2SetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Set Booleans."""
+        if any(references[i] in self._special for i in range(count)):
+            return self._set(component, references, count, [int(values[i] != 0) for i in range(count)])
         return self._booleans(self._set_boolean, component, references, count, values)
 
     @staticmethod
@@ -192,46 +294,13 @@ class Functions:
                 values[i] = flag
         return OK
 
-    def exact_function(self, verb: str, reference: int) -> str:
-        """Return the name of the function that gets or sets an Int64 or UInt64."""
-        return f"fmi3{verb}{self._types[reference]}"
-
-    def get_exact(self, component: Any, reference: int) -> tuple[int, int]:
-        """Return the status, and the value of an Int64 or UInt64."""
-        name, kind = SPECIAL[self._types[reference]]
-        value = (kind * 1)()
-        status = _getter(self._library, f"fmi3Get{name}", kind)(component, (ctypes.c_uint * 1)(reference), 1, value, 1)
-        return int(status), int(value[0])
-
-    def set_exact(self, component: Any, reference: int, value: int) -> int:
-        """Set an Int64 or UInt64; returns an error for a value outside of its range."""
-        name, kind = SPECIAL[self._types[reference]]
-        values = (kind * 1)(value)
-        if values[0] != value:
-            return ERROR
-        set_value = _getter(self._library, f"fmi3Set{name}", kind)
-        return set_value(component, (ctypes.c_uint * 1)(reference), 1, values, 1)
-
-    def get_binary(self, component: Any, reference: int) -> tuple[int, bytes]:
-        """Return the status, and the value of a Binary, whose bytes are copied."""
-        size, value = (ctypes.c_size_t * 1)(), (ctypes.c_void_p * 1)()
-        status = self._binary("Get")(component, (ctypes.c_uint * 1)(reference), 1, size, value, 1)
-        if not OK <= status < DISCARD or not size[0]:
-            return status, b""
-        return (status, ctypes.string_at(value[0], size[0])) if value[0] else (ERROR, b"")
-
-    def set_binary(self, component: Any, reference: int, value: bytes) -> int:
-        """Set a Binary."""
-        buffer = ctypes.create_string_buffer(value, max(len(value), 1))
-        pointer = (ctypes.c_void_p * 1)(ctypes.addressof(buffer))
-        size = (ctypes.c_size_t * 1)(len(value))
-        return self._binary("Set")(component, (ctypes.c_uint * 1)(reference), 1, size, pointer, 1)
-
     def _binary(self, verb: str) -> Callable[..., int]:
         sizes, values = ctypes.POINTER(ctypes.c_size_t), ctypes.POINTER(ctypes.c_void_p)
         name, count = f"fmi3{verb}Binary", ctypes.c_size_t
-        return _function(self._library, name, _REFERENCES, count, sizes, values, count)
+        return _function(self.library, name, _REFERENCES, count, sizes, values, count)
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Set Strings."""
+        if any(references[i] in self._special for i in range(count)):
+            return self._set(component, references, count, values)
         return self._set_string(component, references, count, values, count)

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from fmpy import calloc, free, read_model_description
@@ -30,7 +30,7 @@ from fmpy.fmi2 import (
 from fmpy.fmi3 import FMU3Slave
 
 from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
-from . import calls, fmi3
+from . import calls, clocks, fmi3
 from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
 
@@ -125,6 +125,7 @@ class Instance(Protocol):
 
     functions: Any
     component: Any
+    clocks: clocks.Description
 
     def free(self) -> None:
         """Free the instance and unload the library."""
@@ -144,15 +145,9 @@ class FmpyInstance:
 
     def __init__(self, component: Component, folder: Path) -> None:
         is_new = component.fmi == "3.0"
-        if component.structure:
-            name = next(iter(component.structure))
-            text = f"`{name}` is a structural parameter; use the native master, this one cannot set it"
-            raise RunError(component.name, "loading", None, text)
-        if component.clocks:
-            name = component.clocks[0].name
-            text = f"the clock `{name}` is connected; use the native master, this one cannot activate it"
-            raise RunError(component.name, "loading", None, text)
         try:
+            arrays = {array.reference for array in component.arrays}
+            self.clocks = clocks.Description.read(folder, arrays) if is_new else clocks.Description()
             self._slave = (FMU3Slave if is_new else FMU2Slave)(
                 guid=component.guid,
                 unzipDirectory=str(folder),
@@ -163,7 +158,8 @@ class FmpyInstance:
             raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
         try:
             if is_new:
-                self._slave.instantiate(logMessage=self._logger_of(component.name))
+                logger = self._logger_of(component.name)
+                self._slave.instantiate(eventModeUsed=self.clocks.has_clocks, logMessage=logger)
             else:
                 self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
         except Exception as error:
@@ -173,15 +169,11 @@ class FmpyInstance:
         self.functions: Any = self._slave.dll
         if is_new:
             variables = read_model_description(str(folder), validate=False).modelVariables
+            references = {variable.name: variable.valueReference for variable in variables}
             types = {variable.valueReference: str(variable.type) for variable in variables}
-            named = [(one.name, one.reference) for one in (*_starts(component), *component.constants)]
-            named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
-            # Only the native master defines value references for elements of arrays.
-            if elements := [name for name, reference in named if reference not in types]:
-                text = f"`{elements[0]}` is an element of an array; use the native master, this one cannot connect it"
-                self.free()
-                raise RunError(component.name, "loading", None, text)
-            self.functions = fmi3.Functions(self._slave.dll, types)
+            structure = component.structure or {}
+            self.functions = fmi3.Functions(self._slave.dll, types, component.arrays, self.clocks.clocked)
+            self.functions.structure = [(references[name], name, value) for name, value in structure.items()]
 
     @staticmethod
     def _logger_of(name: str) -> Callable[..., None]:
@@ -212,7 +204,7 @@ class Slave:
         self.component = component
         self.instance = instance
         self._board = board
-        self._index = index
+        self.index = index
         self._has_changed_rounding = False
         self._names = fmi3.NAMES if component.fmi == "3.0" else {}
         hot = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
@@ -235,7 +227,16 @@ class Slave:
         self._exact_inputs, self._exact_outputs = map(self._exact_wires, (component.inputs, component.outputs))
         self._binary_inputs = of_type(component.inputs, "Binary")
         self._binary_outputs = of_type(component.outputs, "Binary")
+        has_clocks = component.fmi == "3.0" and instance.clocks.has_clocks
+        self.clocks = clocks.Clocks(self, instance.clocks) if has_clocks else None
+        # The components with which this one makes its steps, if it has clocks.
+        self.group: clocks.Group | None = None
         self._restore_rounding("fmi2Instantiate")
+        if component.structure:
+            self.call("fmi3EnterConfigurationMode", None)
+            for reference, name, value in self._functions.structure:
+                self.access("set", reference, None, fmi3.given(value), subject=f"{name} = {value!r}")
+            self.call("fmi3ExitConfigurationMode", None)
 
     def _exact_wires(self, wires: Sequence[Wire]) -> list[Wire]:
         return [w for w in of_type(wires, "Integer") if w.reference in self._exact]
@@ -271,9 +272,9 @@ class Slave:
         return self._names.get(function, function)
 
     def _enter(self, function: str) -> None:
-        self._board.call = calls.code(self._index, self._named(function))
+        self._board.call = calls.code(self.index, self._named(function))
 
-    def call(self, function: str, time: float, *arguments: Any, subject: str = "") -> None:
+    def call(self, function: str, time: float | None, *arguments: Any, subject: str = "") -> None:
         """Call a function by its FMI 2.0 name; raises RunError unless its status is OK or warning."""
         self._enter(function)
         status = getattr(self._functions, function)(self._component, *arguments)
@@ -298,10 +299,11 @@ class Slave:
             value: Any
             subject = f"{s.name} = {s.value!r}"
             if s.reference in self._exact:
-                self._call_exact("Set", s.reference, time, int(s.value), subject)  # type: ignore[arg-type]
+                self.access("set", s.reference, time, int(s.value), subject=subject)  # type: ignore[arg-type]
                 continue
             if isinstance(s.value, Bytes):
-                self._set_binary(s.reference, time, bytes.fromhex(s.value.hex), s.name)
+                binary = bytes.fromhex(s.value.hex)
+                self.access("set", s.reference, time, binary, subject=f"{s.name} with {len(binary)} bytes")
                 continue
             if s.type == "Real":
                 value = (ctypes.c_double * 1)(float(s.value))
@@ -317,23 +319,14 @@ class Slave:
             reference = (ctypes.c_uint * 1)(s.reference)
             self.call(f"fmi2Set{s.type}", time, reference, 1, value, subject=subject)
 
-    def _call_exact(self, verb: str, reference: int, time: float, value: int = 0, subject: str = "") -> int:
-        """Get or set an Int64 or UInt64; returns the value."""
-        name = self._functions.exact_function(verb, reference)
+    def access(self, method: str, reference: int, time: float | None, *values: Any, subject: str = "") -> Any:
+        """Call a method of `fmi3.Functions` that gets or sets a variable; returns the value or values."""
+        name = self._functions.function("Set" if values else "Get", reference)
         self._enter(name)
-        if verb == "Get":
-            status, value = self._functions.get_exact(self._component, reference)
-        else:
-            status = self._functions.set_exact(self._component, reference, value)
+        status, value = getattr(self._functions, method)(self._component, reference, *values)
         self._restore_rounding(name)
         self.check(status, name, time, subject)
         return value
-
-    def _set_binary(self, reference: int, time: float, value: bytes, name: str) -> None:
-        self._enter("fmi3SetBinary")
-        status = self._functions.set_binary(self._component, reference, value)
-        self._restore_rounding("fmi3SetBinary")
-        self.check(status, "fmi3SetBinary", time, f"{name} with {len(value)} bytes")
 
     def set(self, time: float) -> None:
         """Set the wired inputs from the bus."""
@@ -354,11 +347,28 @@ class Slave:
             signal = float(self._bus[wire.slot])
             integer = self._exact_values.integers.get(wire.slot)
             if integer is None and (not signal.is_integer() or abs(signal) > fmi3.LARGEST_WHOLE):
-                name = self._functions.exact_function("Set", wire.reference)
+                name = self._functions.function("Set", wire.reference)
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
-            self._call_exact("Set", wire.reference, time, int(signal) if integer is None else integer)
+            self.access("set", wire.reference, time, int(signal) if integer is None else integer)
         for wire in self._binary_inputs:
-            self._set_binary(wire.reference, time, self._exact_values.binaries.get(wire.slot, b""), wire.name)
+            binary = self._exact_values.binaries.get(wire.slot, b"")
+            self.access("set", wire.reference, time, binary, subject=f"{wire.name} with {len(binary)} bytes")
+
+    def is_clocked(self, reference: int) -> bool:
+        """Return whether a variable belongs to clocks."""
+        return self.clocks is not None and self._functions.place(reference)[0] in self.clocks.description.clocked
+
+    def outputs(self) -> list[Any]:
+        """Return the values on the bus that the component writes, for comparison."""
+        slots = [wire.slot for wire in self.component.outputs]
+        exact = self._exact_values
+        return [(self._bus[s].tobytes(), exact.integers.get(s), exact.binaries.get(s)) for s in slots]
+
+    def end_initialization(self, time: float) -> None:
+        """Leave Initialization Mode."""
+        if self.clocks:
+            self.clocks.start(time)
+        self.call("fmi2ExitInitializationMode", time)
 
     def step(self, time: float, step: float) -> RunError | None:
         """Advance from `time` by `step`.
@@ -366,8 +376,12 @@ class Slave:
         If the FMU ends the simulation at the end of the step, returns a RunError with `is_end`. If it ends the
         simulation earlier, raises that error; any other failure raises a RunError without `is_end`.
         """
+        return self.group.step_of(self, time, step) if self.group else self.advance(time, step, time, step)
+
+    def advance(self, now: float, size: float, time: float, step: float) -> RunError | None:
+        """Call fmi2DoStep from `now` by `size`, in the step of the master from `time` by `step`."""
         self._board.call = self._calls[1]
-        status = self._do_step(self._component, time, step, 1)
+        status = self._do_step(self._component, now, size, 1)
         self._restore_rounding("fmi2DoStep")
         if OK <= status <= WARNING:
             return None
@@ -375,15 +389,22 @@ class Slave:
             reached = self._reached()
             if reached is not None:
                 is_done = abs(reached - (time + step)) <= STEP_SLACK * step
-                text = "the FMU ended the simulation"
-                log = _log.get(self.component.name, ())
-                function = self._named("fmi2DoStep")
-                end = RunError(self.component.name, function, time + is_done * step, text, log, is_end=True)
+                end = self.ended("fmi2DoStep", time + is_done * step)
                 if not is_done:
                     raise end
                 return end
         self.check(status, "fmi2DoStep", time)
         return None
+
+    def fail(self, function: str, time: float, detail: str) -> NoReturn:
+        """Raise RunError for a call."""
+        raise RunError(self.component.name, function, time, detail, _log.get(self.component.name, ()))
+
+    def ended(self, function: str, time: float) -> RunError:
+        """Return the error of a call with which the FMU ended the simulation."""
+        log = _log.get(self.component.name, ())
+        text = "the FMU ended the simulation"
+        return RunError(self.component.name, self._named(function), time, text, log, is_end=True)
 
     def _reached(self) -> float | None:
         """Return the last successful time if the FMU ends the simulation, otherwise None."""
@@ -410,14 +431,11 @@ class Slave:
             self.call(f"fmi2Get{whole.kind}", time, whole.references, whole.count, whole.values)
             whole.store()
         for wire in self._exact_outputs:
-            integer = self._call_exact("Get", wire.reference, time)
+            integer = self.access("get", wire.reference, time)
             self._exact_values.integers[wire.slot] = integer
             self._bus[wire.slot] = integer
         for wire in self._binary_outputs:
-            self._enter("fmi3GetBinary")
-            status, value = self._functions.get_binary(self._component, wire.reference)
-            self._restore_rounding("fmi3GetBinary")
-            self.check(status, "fmi3GetBinary", time)
+            value = self.access("get", wire.reference, time)
             self._exact_values.binaries[wire.slot] = value
             self._bus[wire.slot] = len(value)
 
@@ -549,6 +567,7 @@ def simulate(
         for index, component in enumerate(run.components):
             board.load(index)
             slaves.append(Slave(component, instantiate(component), bus, board, index, exact))
+        groups = clocks.groups(slaves)
         for slave in slaves:
             slave.call("fmi2SetupExperiment", start, 0, 0.0, start, 1, simulation.stop)
         for slave in slaves:
@@ -564,7 +583,9 @@ def simulate(
             slave.set(start)
             slave.read(start)
         for slave in slaves:
-            slave.call("fmi2ExitInitializationMode", start)
+            slave.end_initialization(start)
+        for group in groups:
+            group.event(start, None)
         for slave in slaves:
             slave.read(start)
         finite(start, "initialization")

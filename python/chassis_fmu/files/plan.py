@@ -158,6 +158,19 @@ class Wire(_Part, frozen=True):
     slot: int
 
 
+class ArrayElements(_Part, frozen=True):
+    """An array whose elements are variables in a plan."""
+
+    # Value reference of the array.
+    reference: int
+    # Value reference of the first element in the plan; those of the others follow, row by row.
+    first: int
+    # Number of elements.
+    size: int
+    # Start values of the elements; empty if the description does not have them all.
+    starts: tuple[Value, ...]
+
+
 class ClockWire(_Part, frozen=True):
     """A triggered input clock and the clock whose ticks activate it."""
 
@@ -193,6 +206,8 @@ class Component(_Part, frozen=True):
     inputs: tuple[Wire, ...]
     # Outputs written to the bus.
     outputs: tuple[Wire, ...]
+    # Arrays with elements that settings and wires have as variables (FMI 3.0).
+    arrays: tuple[ArrayElements, ...] = ()
     # Triggered input clocks that another clock activates.
     clocks: tuple[ClockWire, ...] = ()
     # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not

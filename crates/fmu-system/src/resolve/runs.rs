@@ -43,6 +43,7 @@ impl Resolver<'_> {
                         };
                         self.problems.set_context(Some(context(system.case, Some(member.component))));
                         component.parameters = self.parameters(system.case, *point, member, seed);
+                        component.list_arrays(&member.found.description);
                     }
                     runs.push(run);
                 }

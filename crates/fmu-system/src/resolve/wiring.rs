@@ -540,7 +540,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// The run of a case with its wires, without parameters, point and seed.
+    /// The run of a case with its wires, without parameters, arrays, point and seed.
     pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
         let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
@@ -611,6 +611,7 @@ impl<'a> Resolver<'a> {
                         .iter()
                         .map(|(clock, source)| clock_wire(system, member, *clock, *source))
                         .collect(),
+                    arrays: Vec::new(),
                 }
             })
             .collect();
