@@ -63,7 +63,7 @@ def test_connected_clocks_tick_at_the_same_times(
     """The n-th tick of one adds n to the sum of two.
 
     outClock ticks with every fifth tick of all clocks: in one at 4 s and 8 s, in alone, where it activates inClock2, at
-    4 s and 7 s. inClock3 ticks at 4 s, after inClock1.
+    4 s and 7 s. inClock3 ticks at 4 s, after inClock1. A recorded clock is 1 if it has ticked since the row before.
     """
     of = {name: f'[[component]]\nname = "{name}"\nfmu = "Clocks"\n' for name in ("three", "two", "one", "alone")}
     ends = {"one:inClock1": "two:inClock2", "one:inClock1Ticks": "two:input2", "one:outClock": "three:inClock2"}
@@ -72,6 +72,7 @@ def test_connected_clocks_tick_at_the_same_times(
     text = text.replace('"one"\n', '"one"\ninputs = { input2 = 0 }\n')
     text += "".join(f'[[connection]]\nfrom = "{start}"\nto = "{end}"\n' for start, end in ends.items())
     scenario = write(tmp_path / "clocks.toml", 10.0, step, order, text)
+    before = 0
     for row in table(run_by_both_masters(scenario, FOLDER3))[1:]:
         # A tick at the end of a step belongs to the next one.
         seconds = math.ceil(row["time"] - 1e-9)
@@ -79,6 +80,9 @@ def test_connected_clocks_tick_at_the_same_times(
         assert [row[f"one:{name}"] for name in ("inClock1Ticks", "inClock3Ticks")] == [seconds, is_after_3]
         assert [row["two:inClock2Ticks"], row["two:result2"]] == [seconds, seconds * (seconds + 1) / 2]
         assert row["result2"] == 3 * (is_after_3 + (seconds > 8))
+        for name, times in {"one:outClock": (4, 8), "alone:outClock": (4, 7)}.items():
+            assert row[name] == any(before <= time < seconds for time in times)
+        before = seconds
         assert row["alone:result2"] == 5 * is_after_3 + 8 * (seconds > 7)
 
 
@@ -91,9 +95,11 @@ def test_an_output_clock_ticks_at_the_end_of_a_step(order: str, tmp_path: Path, 
     wires = [f'[[connection]]\nfrom = "{start}"\nto = "{end}"\n' for start, end in ends.items()]
     text = "".join([*components, "inputs = { value = 0.0 }\n", *wires])
     path = run_by_both_masters(write(tmp_path / "crossing.toml", 1.0, 0.1, order, text), tmp_path)
-    for row in table(path):
+    rows = table(path)
+    for before, row in zip([{"count": 0.0}, *rows], rows, strict=False):
         crossings = math.floor(row["time"] / 0.25 + 1e-9)
         assert row["count"] == 1.0 + crossings
+        assert row["source:crossing"] == row["count"] - before["count"]
         assert row["last"] == pytest.approx(math.ceil(2.5 * crossings - 1e-9) * 0.1, abs=1e-12)
 
 

@@ -448,6 +448,8 @@ pub struct Clock {
     pub can_be_deactivated: bool,
     /// Description.
     pub description: Option<String>,
+    /// For an output clock: a Boolean, see [`ModelDescription::with_elements`].
+    pub(crate) signal: Option<Variable>,
 }
 
 /// Kind of a clock (FMI 3.0.2, section 2.2.8.2).

@@ -20,7 +20,7 @@ use crate::plan::Plan;
 use crate::run::{self, Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description_with};
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription, Unit, Variable};
+use fmu_import::description::{BaseType, Causality, DataType, FmiVersion, ModelDescription, Unit, Variable};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
@@ -177,8 +177,9 @@ impl System {
             for wire in planned.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot))
             {
                 let variable = wired(&wirable, planned, wire, Causality::Output)?;
-                // Skip an element of an array that is only recorded.
-                if variable.element.is_some() && !read.contains(&wire.slot) {
+                // Skip an element of an array, or a clock, that is only recorded.
+                let is_special = variable.element.is_some() || variable.data_type == DataType::Clock;
+                if is_special && !read.contains(&wire.slot) {
                     continue;
                 }
                 component.connectors.push(connector(variable, true, &description, &planned.name)?);

@@ -49,18 +49,23 @@ fn an_output_clock_at_the_end_of_a_step_activates_the_other_fmu() {
                 text += &format!("[[connection]]\nfrom = \"source:{from}\"\nto = \"counter:{to}\"\n");
             }
             text += "[[case]]\nname = \"only\"\ntitle = \"Only\"\n";
-            text += "[record]\nsignals = [\"counter:count\", \"counter:last\"]\n";
+            text += "[record]\nsignals = [\"counter:count\", \"counter:last\", \"source:crossing\"]\n";
             let source = FmuFolder::new([folder.path()]);
             let plan = resolve_text(Path::new("clocks.toml"), &text, &source, &Options::default()).unwrap();
             let never = "the clock `trigger` of `source` is triggered and never ticks: no clock is connected to it";
             assert!(plan.warnings.len() == 1 && plan.warnings[0].contains(never), "{:?}", plan.warnings);
             let recording = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
-            let [count, last] = [0, 1].map(|index| recording.column(index).unwrap());
+            let column = |name: &str| plan.columns.iter().position(|column| column.name == name).unwrap();
+            let [count, last, ticks] =
+                ["count", "last", "crossing"].map(|name| recording.column(column(name)).unwrap());
             for row in 0..count.len() {
                 let crossings = (row as f64 * step / 0.25 + 1e-9).floor();
                 // The end of the step in which the last multiple of 0.25 s was reached.
                 let time = (0.25 * crossings / step - 1e-9).ceil() * step;
                 assert_eq!(count[row], 1.0 + crossings, "{step} s, {order}, {names:?}, row {row}");
+                // The recorded clock is 1 in each row after whose predecessor it has ticked.
+                let before = if row == 0 { 0.0 } else { count[row - 1] };
+                assert_eq!(ticks[row], count[row] - before, "{step} s, {order}, {names:?}, row {row}");
                 assert!((last[row] - time).abs() < 1e-12, "{step} s, {order}, row {row}: {} s", last[row]);
             }
         }

@@ -129,14 +129,17 @@ class Clocks:
         self.slave = slave
         self._functions = slave.instance.functions
         self.description = description
+        # Values of clocked variables; for an output clock, whether it has ticked in the last step.
         self._held: dict[int, Sequence[Any]] = {}
+        self.begin_step()
         self._active: list[int] = []
         self._fired: list[int] = []
         self._next_event: float | None = None
 
     def start(self, start: float) -> None:
         """In Initialization Mode: ask for intervals and shifts, and read the clocked variables."""
-        self._held = {reference: self.slave.access("read", reference, start) for reference in self.description.clocked}
+        for reference in self.description.clocked:
+            self._held[reference] = self.slave.access("read", reference, start)
         for clock in self.description.inputs:
             if clock.is_periodic:
                 if clock.given is None:
@@ -150,7 +153,12 @@ class Clocks:
             elif clock.kind != "triggered":
                 self._ask(clock, start)
         # The end of the initialization enters Event Mode.
-        self._functions.held, self.is_in_event = self._held, True
+        self.is_in_event = True
+
+    def begin_step(self) -> None:
+        """Before a step and its events."""
+        self._held |= {clock: [0] for clock, _ in self.description.outputs}
+        self._functions.held = self._held
 
     def is_active(self, clock: int) -> bool:
         """Return whether a clock ticks in the present iteration of an event."""
@@ -225,6 +233,7 @@ class Clocks:
             if terminate:
                 raise self.slave.ended(UPDATE, time)
             self._next_event = following.value if is_defined else None
+            self._held |= {clock: [1] for clock in self._fired}
             active, self._active, self._fired = self._active, [], []
             for clock in self.description.inputs:
                 has_ticked = clock.reference in active
@@ -300,6 +309,8 @@ class Group:
         if slave.index > min(one.slave.index for one in self._members):
             return None
         end, now, ended = time + step, time, None
+        for one in self._members:
+            one.begin_step()
         while now < end:
             self.event(now, step)
             until = min(one.next_tick(now, end, step) for one in self._members)

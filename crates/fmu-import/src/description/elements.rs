@@ -68,11 +68,14 @@ impl ModelDescription {
     }
 
     /// Replaces arrays with a variable for each element: `a[1]`, `a[2]`, …, or `a[1,1]`, `a[1,2]`, …, row by row.
-    /// All further arrays stay arrays once 20,000 elements are variables.
+    /// All further arrays stay arrays once 20,000 elements are variables. Also adds a Boolean for each output clock, which
+    /// is true if the clock has ticked in the last step.
     #[must_use]
     pub fn with_elements(self) -> Self {
         let references = self.element_references();
-        if references.iter().all(Option::is_none) {
+        let signals = self.clocks.iter().filter_map(|clock| clock.signal.clone());
+        let signals: Vec<Variable> = signals.collect();
+        if references.iter().all(Option::is_none) && signals.is_empty() {
             return self;
         }
         // For each old variable, the indices of its new variables.
@@ -115,6 +118,7 @@ impl ModelDescription {
                 });
             }
         }
+        variables.extend(signals);
         let unknowns = |list: &[Unknown]| list.iter().flat_map(|unknown| expanded(unknown, &places)).collect();
         Self {
             outputs: unknowns(&self.outputs),

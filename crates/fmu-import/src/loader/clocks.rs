@@ -56,7 +56,7 @@ pub(super) struct Clocks {
     inputs: Vec<Ticks>,
     /// True between events, when clocked variables cannot be accessed.
     is_held: bool,
-    /// The values of clocked variables.
+    /// The values of clocked variables; for an output clock, whether it has ticked in the last step.
     held: BTreeMap<Reference, Vec<Held>>,
     /// Clocked inputs that were set since the last tick of their clocks.
     pending: Vec<Reference>,
@@ -155,10 +155,11 @@ impl Clocks {
         };
         signature.has_clocks.then(|| {
             let inputs = signature.clocks.iter().map(ticks).collect();
+            let held = |clock: &(Reference, _)| (clock.0, vec![Held::Other(Value::Boolean(false))]);
             Box::new(Self {
                 inputs,
                 is_held: false,
-                held: BTreeMap::new(),
+                held: signature.output_clocks.iter().map(held).collect(),
                 pending: Vec::new(),
                 active: Vec::new(),
                 fired: Vec::new(),
@@ -190,6 +191,13 @@ impl Clocks {
         (is_whole && has_inputs).then_some((&bytes[..at], clocks))
     }
 
+    /// Sets whether an output clock has ticked in the last step.
+    fn mark(&mut self, clock: Reference, has_ticked: bool) {
+        if let Some([held]) = self.held.get_mut(&clock).map(Vec::as_mut_slice) {
+            *held = Held::Other(Value::Boolean(has_ticked));
+        }
+    }
+
     /// Time of the next tick or time event in s.
     fn next(&self) -> Option<f64> {
         self.inputs.iter().filter_map(|ticks| ticks.next).chain(self.next_event).reduce(f64::min)
@@ -213,7 +221,7 @@ fn slack(time: f64, part: f64) -> f64 {
 impl Instance {
     /// Returns true if clocked variables are among these, and cannot be accessed now.
     pub(super) fn has_clocked(&self, refs: &[Reference]) -> bool {
-        self.clocks.as_ref().is_some_and(|clocks| clocks.is_held && refs.iter().any(|r| clocks.held.contains_key(r)))
+        self.clocks.as_ref().is_some_and(|clocks| refs.iter().any(|r| clocks.held.contains_key(r)))
     }
 
     /// Reads variables; clocked ones have the values of their last tick.
@@ -287,7 +295,7 @@ impl Instance {
         }
         let Some(mut clocks) = self.clocks.take() else { return Ok(()) };
         let started = self.start_ticks(&mut clocks, start);
-        clocks.held = held;
+        clocks.held.extend(held);
         self.clocks = Some(clocks);
         started
     }
@@ -416,7 +424,7 @@ impl Instance {
     pub(super) fn step_with_clocks(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let end = time + step;
         let mut now = time;
-        self.check_events()?;
+        self.begin_step()?;
         let mut is_needed = self.is_event_needed(now, step);
         loop {
             if is_needed {
@@ -513,9 +521,16 @@ impl Instance {
         self.clocks.as_ref().is_some_and(|clocks| clocks.is_in_event)
     }
 
-    /// Fails after an event that failed.
-    pub fn check_events(&mut self) -> Result<(), CallError> {
-        if self.is_in_event() { Err(self.failure(Function::DoStep, BROKEN)) } else { Ok(()) }
+    /// Before a step and its events. Fails after an event that failed.
+    pub fn begin_step(&mut self) -> Result<(), CallError> {
+        if self.is_in_event() {
+            return Err(self.failure(Function::DoStep, BROKEN));
+        }
+        let library = Arc::clone(self.library());
+        if let Some(clocks) = &mut self.clocks {
+            library.signature.output_clocks.iter().for_each(|(clock, _)| clocks.mark(*clock, false));
+        }
+        Ok(())
     }
 
     /// Time of the next tick or time event in s, if it is after `now` and before `end` by more than rounding errors.
@@ -616,7 +631,7 @@ impl Instance {
         self.with_clocks(|this, clocks| {
             let (is_needed_again, next_event) = this.update_event()?;
             clocks.next_event = next_event;
-            clocks.fired.clear();
+            std::mem::take(&mut clocks.fired).into_iter().for_each(|clock| clocks.mark(clock, true));
             this.advance_clocks(clocks, time, None)?;
             clocks.active.clear();
             Ok(is_needed_again)

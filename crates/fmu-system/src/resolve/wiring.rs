@@ -9,7 +9,7 @@ use crate::plan::{self, Connected, Origin, Signal};
 use crate::run::{self, Setting, Wire};
 use crate::scenario::Connection;
 use crate::spanned::Spanned;
-use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
+use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, Variable};
 use fmu_import::names::{similar, suggestion};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -79,7 +79,7 @@ impl<'a> Resolver<'a> {
         // Outputs by name, to find the only other component that has one.
         let mut outputs = Outputs::new();
         for (m, member) in system.members.iter().enumerate() {
-            for (v, variable) in member.wirable(Causality::Output) {
+            for (v, variable) in member.wirable(Causality::Output).filter(|(_, v)| v.data_type != DataType::Clock) {
                 outputs.entry(variable.name.as_str()).or_default().push((m, v));
             }
         }
@@ -340,7 +340,8 @@ impl<'a> Resolver<'a> {
                 member.wirable(Causality::Output).map(move |(v, variable)| (m, v, member, variable))
             })
             .filter(|(m, v, member, variable)| {
-                !read.contains(&(*m, *v)) && !self.is_recorded(member.name(), &variable.name)
+                let is_read = read.contains(&(*m, *v)) || self.is_recorded(member.name(), &variable.name);
+                !is_read && variable.data_type != DataType::Clock
             })
             .map(|(_, v, member, _)| signal(member, v))
             .collect();

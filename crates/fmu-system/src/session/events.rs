@@ -111,7 +111,7 @@ impl Group {
         }
         let (end, mut now, mut ended) = (time + step, time, None);
         for &m in &self.members {
-            signals.members[m].instance.check_events()?;
+            signals.members[m].instance.begin_step()?;
         }
         while now < end {
             self.event(signals, now, Some(step))?;

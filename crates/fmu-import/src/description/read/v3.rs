@@ -8,8 +8,8 @@ use super::{
 use crate::bytes::BinaryText;
 use crate::c_api::Reference;
 use crate::description::{
-    Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, StructuralParameters, Unknown,
-    Value, Variability, Variable,
+    BaseType, Causality, Clock, DataType, Dimension, FmiVersion, Initial, IntervalVariability, StructuralParameters,
+    Unknown, Value, Variability, Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
@@ -66,7 +66,10 @@ impl<'a> VariableReader<'a> {
                 let name = bounded(named, "name", MAX_NAME)?.to_string();
                 let description = text(named);
                 self.variables.take(named, &name)?;
+                let signal = types::variable(element, element, FMI, (BaseType::Boolean, DataType::Clock), types)?;
+                let signal = Variable { name: name.clone(), description: description.clone(), ..signal };
                 self.variables.clocks.push(Clock {
+                    signal: Some(signal).filter(|_| causality == Causality::Output),
                     name,
                     reference,
                     causality,
