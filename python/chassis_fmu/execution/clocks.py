@@ -372,8 +372,12 @@ class Group:
             one = min(waiting, key=self._members.index)
             waiting.discard(one)
             if evaluations == MOST_ITERATIONS * len(self._members):
-                text = f"the outputs at a tick still change after {MOST_ITERATIONS} evaluations; one of the components "
-                one.slave.fail(UPDATE, time, f"{text}must depend on values from before the tick only")
+                names = "`, `".join(reader.slave.component.name for reader in self._readers[one])
+                text = (
+                    f"the outputs at a tick still change after {MOST_ITERATIONS} evaluations: they depend on those of "
+                    f"`{names}`, and these on them; one of them must depend on values from before the tick only"
+                )
+                one.slave.fail(UPDATE, time, text)
             before = one.slave.outputs()
             self._set(one, time)
             one.evaluate(time)
