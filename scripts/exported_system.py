@@ -24,7 +24,7 @@ from lxml import etree
 
 from chassis_fmu.execution.bus import Array
 from chassis_fmu.execution.master import FmpyInstance, simulate
-from chassis_fmu.files.plan import BaseType, Component, Run, Setting, Simulation, Wire
+from chassis_fmu.files.plan import BaseType, Component, Evaluation, Run, Setting, Simulation, Wire
 from chassis_fmu.files.results import Recording, replacing
 
 NAMESPACES = {
@@ -188,7 +188,9 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                 )
             )
         columns = tuple(range(len(slots)))
-        run = Run(structure.path.stem, "", None, None, tuple(components), (), len(slots), columns)
+        # One pass in the order of the components, as in other masters.
+        initialization = tuple(Evaluation((index,)) for index in range(len(components)))
+        run = Run(structure.path.stem, "", None, None, tuple(components), initialization, (), len(slots), columns)
         simulation = Simulation(structure.start, structure.stop, structure.step, structure.steps, order, 1)
         times, rows = simulate(
             run, simulation, lambda component: FmpyInstance(component, folders[component.name]), fresh=fresh

@@ -31,6 +31,17 @@ def scientific(value: float) -> str: ...
 def unit(name: str) -> str: ...
 def limits(least: float | None, greatest: float | None, unit: str) -> str: ...
 
+class NoSolutionError(Exception):
+    """An algebraic loop without a solution."""
+
+def solve(
+    start: Sequence[float],
+    nominal: Sequence[float],
+    evaluate: Callable[[list[float]], list[float]],
+    derivatives: Callable[[], list[list[float]]] | None,
+) -> list[float]:
+    """Return the solution of z = evaluate(z); `derivatives` returns the derivatives at the last z by columns."""
+
 class ScenarioError(Exception):
     """A scenario or a value that cannot be used."""
 

@@ -6,7 +6,7 @@ use cargo_fmu::{errln, out, outln};
 use clap::Args;
 use fmu_import::description::Value;
 use fmu_import::terminal::{indented, line};
-use fmu_system::plan::{Connected, Origin, Plan, Signal, TypeChange, Wiring};
+use fmu_system::plan::{self, Connected, Origin, Plan, Signal, Timing, TypeChange, Wiring};
 use fmu_system::run::Order;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -69,6 +69,7 @@ fn summary(plan: &Plan) -> String {
         match times.order {
             Order::Sequential => "sequential",
             Order::Jacobi => "jacobi",
+            Order::Auto => "in automatic order",
         },
     ));
     let every = if times.every == 1 { "every step".to_string() } else { format!("every {} steps", times.every) };
@@ -86,6 +87,7 @@ fn summary(plan: &Plan) -> String {
     lines.push("\nComponents in order of execution".to_string());
     lines.extend(components(plan));
     let mut known: HashSet<[String; 3]> = HashSet::new();
+    let mut shown = None;
     for wiring in &plan.wiring {
         let rows = rows(wiring);
         let new: Vec<[String; 3]> = rows.into_iter().filter(|row| !known.contains(row)).collect();
@@ -96,6 +98,26 @@ fn summary(plan: &Plan) -> String {
         }
         lines.extend(table(&new));
         known.extend(new);
+        let times = timings(wiring);
+        if times.is_some() && times != shown {
+            lines.extend(times.iter().map(|times| format!("  {times}")));
+            shown = times;
+        }
+    }
+    for plan::Loop { at_start, path, held } in plan.wiring.iter().flat_map(|wiring| &wiring.loops) {
+        let text = if *at_start {
+            format!("\nAlgebraic loop at the start, which is solved\n  {}", line(path))
+        } else {
+            let held = held.join(", ");
+            format!(
+                "\nAlgebraic loop in each step\n  {}\n  broken by values from the start of the step: {}",
+                line(path),
+                line(&held)
+            )
+        };
+        if !lines.contains(&text) {
+            lines.push(text);
+        }
     }
     for wiring in &plan.wiring {
         let unread = unread(wiring);
@@ -106,6 +128,14 @@ fn summary(plan: &Plan) -> String {
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The number of connections by the time of their values; `None` without connections.
+fn timings(wiring: &Wiring) -> Option<String> {
+    let count = |wanted: Timing| wiring.inputs.iter().filter(|input| input.timing == Some(wanted)).count();
+    let [on_time, held, late, early] = [Timing::OnTime, Timing::Held, Timing::Late, Timing::Early].map(count);
+    let text = format!("{} on time, {held} held, {late} late, {early} early", counted(on_time, "connection"));
+    (on_time + held + late + early > 0).then_some(text)
 }
 
 /// All components, in an order that agrees with the execution order of every run.
@@ -160,9 +190,9 @@ fn components(plan: &Plan) -> Vec<String> {
 /// The connections of a case: component, input, source. Inputs whose names differ only in the last part share a row if
 /// their sources differ in the same way.
 fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
-    let mut rows: Vec<([String; 3], Vec<String>)> = Vec::new();
-    let mut indices: HashMap<[String; 3], usize> = HashMap::new();
-    for Connected { input, source, type_change } in &wiring.inputs {
+    let mut rows: Vec<([String; 4], Vec<String>)> = Vec::new();
+    let mut indices: HashMap<[String; 4], usize> = HashMap::new();
+    for Connected { input, source, type_change, timing } in &wiring.inputs {
         let (stem, place) = input.variable.rsplit_once('.').unwrap_or((&input.variable, ""));
         let source = match source {
             Origin::Output(Signal { component, variable }) => {
@@ -186,7 +216,13 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
                 format!("constant {value}{unit}")
             }
         };
-        let row = [input.component.clone(), stem.to_string(), source];
+        let note = match timing {
+            None | Some(Timing::OnTime) => "",
+            Some(Timing::Held) => ", held over the step",
+            Some(Timing::Late) => ", one step late",
+            Some(Timing::Early) => ", one step early",
+        };
+        let row = [input.component.clone(), stem.to_string(), source, note.to_owned()];
         let index = *indices.entry(row.clone()).or_insert(rows.len());
         match rows.get_mut(index) {
             Some((_, places)) => places.push(place.to_string()),
@@ -194,7 +230,7 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
         }
     }
     rows.into_iter()
-        .map(|([component, stem, source], places)| {
+        .map(|([component, stem, source, note], places)| {
             let (input, last) = match &places[..] {
                 [place] if place.is_empty() => (stem, ""),
                 [place] => (format!("{stem}.{place}"), place.as_str()),
@@ -204,7 +240,7 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
                 Some(of) => format!("{of}.{last}"),
                 None => source,
             };
-            [component, input, format!("<- {source}")]
+            [component, input, format!("<- {source}{note}")]
         })
         .collect()
 }
@@ -238,10 +274,14 @@ mod tests {
     fn conversions_are_shown_beside_the_source() {
         let signal =
             |component: &str, variable: &str| Signal { component: component.into(), variable: variable.into() };
-        let inputs = [("level", None), ("active", Some(TypeChange::RealToBoolean))].map(|(name, type_change)| {
-            Connected { input: signal("pump", name), source: Origin::Output(signal("law", "command")), type_change }
-        });
-        let wiring = Wiring { case: "only".into(), inputs: inputs.into(), unread: Vec::new() };
+        let inputs =
+            [("level", None), ("active", Some(TypeChange::RealToBoolean))].map(|(name, type_change)| Connected {
+                input: signal("pump", name),
+                source: Origin::Output(signal("law", "command")),
+                type_change,
+                timing: None,
+            });
+        let wiring = Wiring { case: "only".into(), inputs: inputs.into(), unread: Vec::new(), loops: Vec::new() };
         let sources: Vec<String> = rows(&wiring).into_iter().map(|[.., source]| source).collect();
         assert_eq!(sources, ["<- law:command", "<- law:command (Real to Boolean: above 0.5)"]);
     }

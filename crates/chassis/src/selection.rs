@@ -45,13 +45,14 @@ pub(crate) struct Selection {
 const AFTER_END: [(&str, &str, AfterEnd); 2] =
     [("error", "Report an error", AfterEnd::Error), ("hold", "Hold the last value", AfterEnd::Hold)];
 
-const ORDERS: [(&str, &str, Order); 2] = [
+const ORDERS: [(&str, &str, Order); 3] = [
     (
         "sequential",
         "Gauss-Seidel: one after the other, each with the new outputs of those before it",
         Order::Sequential,
     ),
     ("jacobi", "Jacobi: all at once, with the outputs of the previous step", Order::Jacobi),
+    ("auto", "Sequential, in the order in which the fewest connections carry values of another time", Order::Auto),
 ];
 
 impl Selection {

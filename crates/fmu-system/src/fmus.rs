@@ -7,6 +7,8 @@ use fmu_import::fmu::{Fmu, FmuError};
 use fmu_import::loader::{CallError, Instance};
 use std::path::{Path, PathBuf};
 
+const HELP_LOOP: &str = "break it with a delay, or give the input another start value";
+
 /// Error while loading or using the FMUs of a system.
 #[derive(Debug, thiserror::Error)]
 pub enum FmusError {
@@ -28,6 +30,14 @@ pub enum FmusError {
     Steady {
         /// Name of the component.
         component: String,
+        /// Reason.
+        message: String,
+    },
+    /// Outputs that depend on each other have no consistent start values.
+    #[error("the algebraic loop at the start {message}: {path}; {HELP_LOOP}")]
+    Loop {
+        /// The loop: `a:y -> b:u -> b:y -> a:u`.
+        path: String,
         /// Reason.
         message: String,
     },

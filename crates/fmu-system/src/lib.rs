@@ -4,7 +4,8 @@
 //!   connections and recorded columns; [`problem`] shows mistakes with their place,
 //! - a [`mod@run`] is executed by a [`master`] in this process, by a [`session`] step by step, or by a [`worker`] in
 //!   another process, which may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds
-//!   parameters without an effect, [`steady`] finds the steady states in which components start,
+//!   parameters without an effect, [`steady`] finds the steady states in which components start, [`algebraic`] solves
+//!   algebraic loops,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the
 //!   numbers, [`requirements`] compares them with their limits, [`typography`] formats numbers and units,
@@ -32,6 +33,7 @@
 //! # }
 //! ```
 
+pub mod algebraic;
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod compat;

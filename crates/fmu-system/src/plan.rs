@@ -11,7 +11,7 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 7;
+pub const FORMAT: u32 = 8;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -73,6 +73,19 @@ pub struct Wiring {
     pub inputs: Vec<Connected>,
     /// Outputs that no input reads and that are not recorded.
     pub unread: Vec<Signal>,
+    /// Algebraic loops: signals that depend on each other at one time.
+    pub loops: Vec<Loop>,
+}
+
+/// An algebraic loop.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Loop {
+    /// True for a loop at the start, which is solved; false for a loop in each step.
+    pub at_start: bool,
+    /// Its signals: `a:y -> b:u -> b:y -> a:u`.
+    pub path: String,
+    /// Its connections whose values are held over a step in sequential order, each as `b:y -> a:u`.
+    pub held: Vec<String>,
 }
 
 /// A variable of a component.
@@ -93,6 +106,22 @@ pub struct Connected {
     pub source: Origin,
     /// Type conversion in the connection, if any.
     pub type_change: Option<TypeChange>,
+    /// Time of the value, if it comes from an output.
+    pub timing: Option<Timing>,
+}
+
+/// Time of the values that a connection carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Timing {
+    /// The value is that of the time for which the reader uses it.
+    OnTime,
+    /// Between continuous components, the value from the start of a step holds over the step.
+    Held,
+    /// A sample arrives one step late.
+    Late,
+    /// A sample that is due at the start of a step is taken from its end.
+    Early,
 }
 
 /// Conversion between Real and Boolean in a connection.

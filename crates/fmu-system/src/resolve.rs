@@ -11,10 +11,12 @@ mod conversion;
 mod findings;
 mod fmus;
 mod inputs;
+mod order;
 mod pattern;
 mod report;
 mod runs;
 mod series;
+mod start;
 mod system;
 mod unread;
 mod values;
@@ -201,6 +203,7 @@ pub fn resolve_text(
     resolver.find_patterns_of_inputs(&systems);
     for system in &mut systems {
         resolver.wire(system, source);
+        resolver.set_order(system, simulation.order);
     }
     let columns = resolver.columns(&systems);
     resolver.check_size(&simulation, columns.len(), options)?;
@@ -213,7 +216,7 @@ pub fn resolve_text(
         values.take(wanted).map(|s| *s.get_ref()).collect()
     });
     let runs = resolver.runs(&systems, &columns, &seeds);
-    let wiring: Vec<plan::Wiring> = systems.iter().map(|system| resolver.wiring(system)).collect();
+    let wiring: Vec<plan::Wiring> = systems.iter().map(|system| resolver.wiring(system, simulation.order)).collect();
     let trials = if resolver.problems.is_empty() { resolver.unread(&systems, &wiring, &runs) } else { Vec::new() };
     let mut warnings = resolver.problems.take_warnings();
     resolver.problems.finish()?;

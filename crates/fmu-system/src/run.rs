@@ -46,6 +46,8 @@ pub enum Order {
     Sequential,
     /// All at once, with the outputs of the previous step.
     Jacobi,
+    /// Sequential, in the order in which the fewest connections carry values of another time.
+    Auto,
 }
 
 /// A run of one case at one point with one seed.
@@ -61,6 +63,8 @@ pub struct Run {
     pub seed: Option<i32>,
     /// Components in order of execution.
     pub components: Vec<Component>,
+    /// How their inputs and outputs get their values in Initialization Mode.
+    pub initialization: Vec<Evaluation>,
     /// Signals from a file.
     pub series: Vec<InputSeries>,
     /// Number of bus slots.
@@ -70,6 +74,47 @@ pub struct Run {
     /// Text of Binaries in the file of results; Base64 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub binary: Option<BinaryText>,
+}
+
+/// A part of the initialization: the inputs of components are set, then their outputs are read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Evaluation {
+    /// Indices of the components: one, or those of an algebraic loop.
+    pub components: Vec<usize>,
+    /// Equations of an algebraic loop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub equations: Option<AlgebraicLoop>,
+}
+
+impl Evaluation {
+    /// The evaluation of one component.
+    pub(crate) fn of(component: usize) -> Self {
+        Self { components: vec![component], equations: None }
+    }
+}
+
+/// Outputs that depend on each other in Initialization Mode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AlgebraicLoop {
+    /// The signals to solve for.
+    pub unknowns: Vec<Unknown>,
+    /// Slots of the other signals, which are held meanwhile.
+    pub held: Vec<usize>,
+    /// True if all FMUs of the loop return directional derivatives.
+    pub has_derivatives: bool,
+    /// The loop: `a:y -> b:u -> b:y -> a:u`.
+    pub path: String,
+}
+
+/// A Real signal of an algebraic loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Unknown {
+    /// Slot of the bus.
+    pub slot: usize,
+    /// Start value of the first input that reads it.
+    pub start: f64,
+    /// Nominal value, above 0.
+    pub nominal: f64,
 }
 
 /// An instance of an FMU and its wires.

@@ -11,9 +11,10 @@
 //!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, then the start values of a steady state, `fmi2EnterInitializationMode` on all.
-//! 3. Set the bus to 0 and write the input series at the start time. Read the outputs of all components. Then,
-//!    component by component: set constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all;
-//!    read the outputs of all.
+//! 3. Set the bus to 0 and write the input series at the start time. Read the outputs of all components. Then, in the
+//!    order of the plan, each component after those on whose outputs it depends: set constants, set inputs from the
+//!    bus, read outputs; algebraic loops are solved (`start.rs`). `fmi2ExitInitializationMode` on all; read the outputs
+//!    of all.
 //! 4. Step k starts at start + k*step. Write the input series: linear ones at the middle of the step, others at its
 //!    start. Sequential: component by component set inputs, `fmi2DoStep`, read outputs. Jacobi: set the inputs of all,
 //!    step all, read all. The step size is constant, except if start + k*step + step exceeds the stop time in double
@@ -29,12 +30,13 @@
 //! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way.
 
 mod events;
+mod start;
 
 use self::events::{Group as ClockedGroup, Signals};
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
-use crate::run::{Binaries, Exact, InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
+use crate::run::{Binaries, Evaluation, Exact, InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
@@ -115,6 +117,24 @@ impl Bus {
         exact.into_iter().for_each(|slot| bus.exact[slot] = Some(0));
         binaries.into_iter().for_each(|slot| bus.binaries[slot] = Some(Vec::new()));
         bus
+    }
+
+    /// Takes the value of a slot from another bus of the same run.
+    fn copy(&mut self, slot: usize, other: &Self) {
+        self.numbers[slot] = other.numbers[slot];
+        if let Some(whole) = self.exact.get_mut(slot) {
+            *whole = other.exact[slot];
+        }
+        if let Some(binary) = self.binaries.get_mut(slot) {
+            binary.clone_from(&other.binaries[slot]);
+        }
+    }
+
+    /// Returns true if a slot has the same value on another bus of the same run.
+    fn is_same(&self, slot: usize, other: &Self) -> bool {
+        self.numbers[slot].to_bits() == other.numbers[slot].to_bits()
+            && self.exact.get(slot) == other.exact.get(slot)
+            && self.binaries.get(slot) == other.binaries.get(slot)
     }
 
     /// The whole number in a slot; `None` if it is not one, or a double above 2^53.
@@ -420,7 +440,7 @@ impl Session {
             board,
             logged: Vec::new(),
         };
-        session.initialize(run).map_err(|error| failed(error.into()))?;
+        session.initialize(run).map_err(failed)?;
         Ok(session)
     }
 
@@ -631,7 +651,7 @@ impl Session {
     }
 
     /// From instantiation to the end of initialization; see the top of this file.
-    fn initialize(&mut self, run: &Run) -> Result<(), CallError> {
+    fn initialize(&mut self, run: &Run) -> Result<(), FmusError> {
         let Self { simulation, members, clocked, bus, feeder, overwritten, .. } = self;
         for member in members.iter_mut() {
             member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
@@ -648,12 +668,17 @@ impl Session {
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }
-        for (member, component) in members.iter_mut().zip(&run.components) {
-            for constant in &component.constants {
-                member.set(constant)?;
+        let mut constants: Vec<&[Setting]> = run.components.iter().map(|c| &c.constants[..]).collect();
+        for Evaluation { components, equations } in &run.initialization {
+            for index in components {
+                for constant in std::mem::take(&mut constants[*index]) {
+                    members[*index].set(constant)?;
+                }
             }
-            member.set_inputs(bus)?;
-            member.read_outputs(bus)?;
+            match equations {
+                None => start::evaluate(components, members, bus)?,
+                Some(equations) => start::solve(equations, components, members, bus)?,
+            }
         }
         for member in members.iter_mut() {
             member.instance.exit_initialization_mode()?;
@@ -673,7 +698,7 @@ impl Session {
         let step = simulation.step_size(time);
         let mut ended = None;
         match simulation.order {
-            Order::Sequential => {
+            Order::Sequential | Order::Auto => {
                 for index in 0..members.len() {
                     members[index].set_inputs(bus)?;
                     members[index].set_overwritten(index, overwritten)?;

@@ -8,7 +8,7 @@
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
 use crate::parameter;
-use crate::run::{Component, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
+use crate::run::{Component, Evaluation, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
 use fmu_import::description::{Causality, ModelDescription, Value, Variable};
 
 /// Maximum number of variants of a component that are tried; only a long sweep has more.
@@ -110,6 +110,7 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
         point: None,
         seed: None,
         components: vec![component],
+        initialization: vec![Evaluation::of(0)],
         series: Vec::new(),
         slots: outputs.len(),
         columns: (0..outputs.len()).map(Some).collect(),

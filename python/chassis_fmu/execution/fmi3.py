@@ -31,6 +31,7 @@ NAMES = {
     "fmi2SetInteger": "fmi3SetInt32",
     "fmi2SetBoolean": "fmi3SetBoolean",
     "fmi2SetString": "fmi3SetString",
+    "fmi2GetDirectionalDerivative": "fmi3GetDirectionalDerivative",
 }
 
 OK = 0
@@ -298,6 +299,15 @@ class Functions:
         sizes, values = ctypes.POINTER(ctypes.c_size_t), ctypes.POINTER(ctypes.c_void_p)
         name, count = f"fmi3{verb}Binary", ctypes.c_size_t
         return _function(self.library, name, _REFERENCES, count, sizes, values, count)
+
+    def fmi2GetDirectionalDerivative(
+        self, component: Any, unknowns: Any, results: int, knowns: Any, seeds: int, seed: Any, result: Any
+    ) -> int:
+        """Get directional derivatives."""
+        count, reals = ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
+        kinds = (_REFERENCES, count, _REFERENCES, count, reals, count, reals, count)
+        get = _function(self._library, "fmi3GetDirectionalDerivative", *kinds)
+        return get(component, unknowns, results, knowns, seeds, seed, seeds, result, results)
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
         """Set Strings."""

@@ -29,10 +29,12 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
+from .. import _native
 from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
 from . import calls, clocks, fmi3
 from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
+from .start import evaluate, solve
 
 OK = 0
 WARNING = 1
@@ -43,6 +45,8 @@ FATAL = 4
 LAST_SUCCESSFUL_TIME = 2
 TERMINATED = 3
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
+
+HELP_LOOP = "break it with a delay, or give the input another start value"
 
 # Tolerance for sample times of a held input series, in steps: a sample at t_k applies even if t_k is rounded.
 SERIES_SLACK = 1e-9
@@ -439,6 +443,19 @@ class Slave:
             self._exact_values.binaries[wire.slot] = value
             self._bus[wire.slot] = len(value)
 
+    def derivatives(self, slot: int, slots: Sequence[int], time: float) -> list[tuple[int, float]]:
+        """Return the derivatives of the outputs in `slots` with respect to the input signal in `slot`, with slots."""
+        outputs = [w for w in of_type(self.component.outputs, "Real") if w.slot in slots]
+        inputs = [w.reference for w in of_type(self.component.inputs, "Real") if w.slot == slot]
+        if not inputs:
+            return []
+        unknowns = (ctypes.c_uint * len(outputs))(*(w.reference for w in outputs))
+        knowns = (ctypes.c_uint * len(inputs))(*inputs)
+        seed, result = (ctypes.c_double * len(inputs))(*[1.0] * len(inputs)), (ctypes.c_double * len(outputs))()
+        arguments = (unknowns, len(outputs), knowns, len(inputs), seed, result)
+        self.call("fmi2GetDirectionalDerivative", time, *arguments)
+        return [(wire.slot, value) for wire, value in zip(outputs, result, strict=True)]
+
     def terminate(self, time: float) -> None:
         """End the simulation."""
         self._enter("fmi2Terminate")
@@ -578,10 +595,20 @@ def simulate(
             bus[player.feed.slot] = player.at_start(start)
         for slave in slaves:
             slave.read(start)
-        for slave in slaves:
-            slave.apply(slave.component.constants, start)
-            slave.set(start)
-            slave.read(start)
+        constants = [slave.component.constants for slave in slaves]
+        for part in run.initialization:
+            for index in part.components:
+                slaves[index].apply(constants[index], start)
+                constants[index] = ()
+            of_part = [slaves[index] for index in part.components]
+            if part.equations is None:
+                evaluate(of_part, start)
+                continue
+            try:
+                solve(part.equations, of_part, bus, exact, start)
+            except _native.NoSolutionError as error:
+                text = f"the algebraic loop at the start {error}: {part.equations.path}; {HELP_LOOP}"
+                raise RunError(of_part[0].component.name, "initialization", None, text) from None
         for slave in slaves:
             slave.end_initialization(start)
         for group in groups:
@@ -591,7 +618,7 @@ def simulate(
         finite(start, "initialization")
         record(0, start)
 
-        sequential = simulation.order == "sequential"
+        sequential = simulation.order != "jacobi"
         end: RunError | None = None
         for k in range(steps):
             time = start + k * step

@@ -21,7 +21,7 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 # Execution order of the components of a system within a step.
-Order: TypeAlias = Literal["sequential", "jacobi"]
+Order: TypeAlias = Literal["sequential", "jacobi", "auto"]
 
 
 class Simulation(plan_rules.SimulationMixin, _Part, frozen=True):
@@ -217,6 +217,39 @@ class Component(_Part, frozen=True):
     structure: dict[str, Value] | None = None
 
 
+class Unknown(_Part, frozen=True):
+    """A Real signal of an algebraic loop."""
+
+    # Slot of the bus.
+    slot: int
+    # Start value of the first input that reads it.
+    start: float
+    # Nominal value, above 0.
+    nominal: float
+
+
+class AlgebraicLoop(_Part, frozen=True):
+    """Outputs that depend on each other in Initialization Mode."""
+
+    # The signals to solve for.
+    unknowns: tuple[Unknown, ...]
+    # Slots of the other signals, which are held meanwhile.
+    held: tuple[int, ...]
+    # True if all FMUs of the loop return directional derivatives.
+    has_derivatives: bool
+    # The loop: `a:y -> b:u -> b:y -> a:u`.
+    path: str
+
+
+class Evaluation(_Part, frozen=True):
+    """A part of the initialization: the inputs of components are set, then their outputs are read."""
+
+    # Indices of the components: one, or those of an algebraic loop.
+    components: tuple[int, ...]
+    # Equations of an algebraic loop.
+    equations: AlgebraicLoop | None = None
+
+
 # Interpolation of a signal from a file between its samples.
 Interpolation: TypeAlias = Literal["linear", "hold"]
 
@@ -251,6 +284,8 @@ class Run(plan_rules.RunMixin, _Part, frozen=True):
     seed: int | None
     # Components in order of execution.
     components: tuple[Component, ...]
+    # How their inputs and outputs get their values in Initialization Mode.
+    initialization: tuple[Evaluation, ...]
     # Signals from a file.
     series: tuple[InputSeries, ...]
     # Number of bus slots.
@@ -542,6 +577,10 @@ class Origin(_Part, frozen=True):
 TypeChange: TypeAlias = Literal["boolean_to_real", "real_to_boolean"]
 
 
+# Time of the values that a connection carries.
+Timing: TypeAlias = Literal["on_time", "held", "late", "early"]
+
+
 class Connected(_Part, frozen=True):
     """An input and its source."""
 
@@ -551,6 +590,19 @@ class Connected(_Part, frozen=True):
     source: Origin
     # Type conversion in the connection, if any.
     type_change: TypeChange | None
+    # Time of the value, if it comes from an output.
+    timing: Timing | None
+
+
+class Loop(_Part, frozen=True):
+    """An algebraic loop."""
+
+    # True for a loop at the start, which is solved; false for a loop in each step.
+    at_start: bool
+    # Its signals: `a:y -> b:u -> b:y -> a:u`.
+    path: str
+    # Its connections whose values are held over a step in sequential order, each as `b:y -> a:u`.
+    held: tuple[str, ...]
 
 
 class Wiring(_Part, frozen=True):
@@ -562,6 +614,8 @@ class Wiring(_Part, frozen=True):
     inputs: tuple[Connected, ...]
     # Outputs that no input reads and that are not recorded.
     unread: tuple[Signal, ...]
+    # Algebraic loops: signals that depend on each other at one time.
+    loops: tuple[Loop, ...]
 
 
 class Plan(plan_rules.PlanMixin, _Part, frozen=True):

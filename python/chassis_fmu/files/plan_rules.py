@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from . import plan
 
-FORMAT = 7
+FORMAT = 8
 
 
 class PlanError(Exception):

@@ -73,10 +73,22 @@ EXPORT int fmi2SetupExperiment(void *c, int td, double tol, double t0, int sd, d
     (void)c, (void)td, (void)tol, (void)t0, (void)sd, (void)t1;
     return 0;
 }
-EXPORT int fmi2EnterInitializationMode(void *c) { (void)c; return 0; }
+/* Statement that is executed at the start of the initialization and whenever a value is set */
+#ifndef FOLLOW
+#define FOLLOW (void)i
+#endif
+EXPORT int fmi2EnterInitializationMode(void *c) {
+    Instance *i = c;
+    FOLLOW;
+    return 0;
+}
+/* Statement at the end of the initialization */
+#ifndef EXIT
+#define EXIT i->v.real[1] = i->v.real[3]
+#endif
 EXPORT int fmi2ExitInitializationMode(void *c) {
     Instance *i = c;
-    i->v.real[1] = i->v.real[3];
+    EXIT;
     return 0;
 }
 EXPORT int fmi2Terminate(void *c) {
@@ -100,10 +112,6 @@ EXPORT int fmi2Reset(void *c) {
     return 0;
 }
 
-/* Statement that is executed whenever a value is set */
-#ifndef FOLLOW
-#define FOLLOW (void)i
-#endif
 #define ACCESS(Kind, type, field, count)                                                            \
     EXPORT int fmi2Get##Kind(void *c, const unsigned *r, size_t n, type *v) {                        \
         for (size_t k = 0; k < n; k++) {                                                             \

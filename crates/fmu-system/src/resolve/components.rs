@@ -63,7 +63,7 @@ impl<'a> Resolver<'a> {
                     dropped: false,
                 });
             }
-            systems.push(System { case, members, replaced: BTreeMap::new() });
+            systems.push(System { case, members, order: Vec::new(), replaced: BTreeMap::new() });
         }
         self.problems.set_context(None);
         self.report_missing_fmus(&missing, &of_cases, source);

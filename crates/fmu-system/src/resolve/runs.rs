@@ -33,7 +33,7 @@ impl Resolver<'_> {
                         run.id = format!("{}#{seed}", run.id);
                         run.seed = Some(*seed);
                     }
-                    let members = system.members.iter().filter(|m| !m.dropped);
+                    let members = system.order.iter().map(|m| &system.members[*m]);
                     for (component, member) in run.components.iter_mut().zip(members) {
                         let seed = match (&seed_of, seed) {
                             (Some((of, name, span)), Some(seed)) if *of == member.name() => {

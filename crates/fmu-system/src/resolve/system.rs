@@ -87,7 +87,10 @@ pub(super) enum Source {
 
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
+    /// In the order of the scenario.
     pub(super) members: Vec<CaseComponent<'a>>,
+    /// Indices of the members that are not dropped, in order of execution.
+    pub(super) order: Vec<usize>,
     /// Recorded outputs, as component and variable, that have the values of a signal of the input file.
     pub(super) replaced: BTreeMap<(usize, usize), usize>,
 }

@@ -297,22 +297,23 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
+    pub(super) fn wiring(&self, system: &System<'_>, order: run::Order) -> plan::Wiring {
         let signal = |member: &CaseComponent<'_>, v: usize| Signal {
             component: member.name().to_string(),
             variable: member.variable(v).name.clone(),
         };
-        let kept = || system.members.iter().enumerate().filter(|(_, member)| !member.dropped);
+        let kept = || system.order.iter().map(|m| (*m, &system.members[*m]));
         let mut inputs = Vec::new();
         let mut read = BTreeSet::new();
-        for (_, member) in kept() {
+        for (m, member) in kept() {
             for (v, source) in &member.inputs {
-                let mut type_change = None;
+                let (mut type_change, mut timing) = (None, None);
                 let source = match source {
                     Source::Output(from, output) => {
                         read.insert((*from, *output));
                         let writer = &system.members[*from];
                         type_change = conversion::between(writer.variable(*output), member.variable(*v));
+                        timing = Some(system.timing(*from, m, order));
                         Origin::Output(signal(writer, *output))
                     }
                     Source::Series(feed) => {
@@ -324,7 +325,7 @@ impl<'a> Resolver<'a> {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
                     }
                 };
-                inputs.push(Connected { input: signal(member, *v), source, type_change });
+                inputs.push(Connected { input: signal(member, *v), source, type_change, timing });
             }
             for (clock, (from, source)) in &member.clocks {
                 let of = |member: &CaseComponent<'_>, clock: usize| Signal {
@@ -332,7 +333,7 @@ impl<'a> Resolver<'a> {
                     variable: member.clock(clock).name.clone(),
                 };
                 let source = Origin::Output(of(&system.members[*from], *source));
-                inputs.push(Connected { input: of(member, *clock), source, type_change: None });
+                inputs.push(Connected { input: of(member, *clock), source, type_change: None, timing: None });
             }
         }
         let unread = kept()
@@ -345,7 +346,7 @@ impl<'a> Resolver<'a> {
             })
             .map(|(_, v, member, _)| signal(member, v))
             .collect();
-        plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
+        plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread, loops: super::start::loops(system) }
     }
 
     fn connections(&mut self, system: &System<'a>) -> (Connections, ClockConnections) {
@@ -543,7 +544,7 @@ impl<'a> Resolver<'a> {
 
     /// The run of a case with its wires, without parameters, arrays, point and seed.
     pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
-        let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
+        let kept = &system.order;
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
         // Slots: series first, in the order of the file, then outputs in the order of the components.
         let mut slots = 0..;
@@ -564,7 +565,7 @@ impl<'a> Resolver<'a> {
             })
             .collect();
         let mut output_slots: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-        for &m in &kept {
+        for &m in kept {
             let member = &system.members[m];
             for (v, variable) in member.wirable(Causality::Output) {
                 let is_recorded =
@@ -632,6 +633,7 @@ impl<'a> Resolver<'a> {
             point: None,
             seed: None,
             components,
+            initialization: super::start::evaluations(system, &output_slots),
             series,
             slots: feed_slots.len() + output_slots.len(),
             columns: columns

@@ -153,6 +153,18 @@ pub(crate) struct Component {
     pub(crate) inputs: Values,
     /// Start values: declared (default) or steady.
     pub(crate) start: Option<Spanned<Start>>,
+    /// Whether it takes samples (discrete) or not (continuous); by default, discrete if all its outputs are.
+    pub(crate) kind: Option<ComponentKind>,
+}
+
+/// Kind of a component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ComponentKind {
+    /// It reads its inputs at the start of a step, and its outputs hold until the next sample.
+    Discrete,
+    /// Its outputs change continuously.
+    Continuous,
 }
 
 /// Start values of a component.

@@ -1,0 +1,246 @@
+//! The order in which inputs and outputs are evaluated in Initialization Mode, from the dependencies that the FMUs
+//! declare, and the algebraic loops among them.
+
+use super::system::{CaseComponent, Source, System};
+use crate::plan;
+use crate::run::{AlgebraicLoop, Evaluation, Unknown};
+use fmu_import::description::{BaseType, FmiVersion, Initial, Value, Variable};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// An output with a slot.
+struct Output<'a> {
+    /// Component, as an index among those that are kept.
+    component: usize,
+    variable: &'a Variable,
+    slot: usize,
+    /// Slots of the outputs on which its value depends in Initialization Mode.
+    needs: BTreeSet<usize>,
+    /// True if it depends on inputs, which have to be set first.
+    has_inputs: bool,
+}
+
+/// A connected input.
+struct Reader<'a> {
+    component: usize,
+    variable: &'a Variable,
+    slot: usize,
+}
+
+/// The inputs on which an output depends in Initialization Mode; `None`: all of them. Without an entry in the model
+/// structure, the value is the start value, except in FMI 2.0 without any entry, where outputs that are not exact depend
+/// on the same inputs as later.
+fn initial_dependencies<'a>(member: &'a CaseComponent<'_>, output: usize) -> Option<&'a [usize]> {
+    let description = &member.found.description;
+    let variable = &description.variables[output];
+    let output = variable.alias_of.unwrap_or(output);
+    let find = |unknowns: &'a [fmu_import::description::Unknown]| unknowns.iter().find(|u| u.variable == output);
+    if let Some(entry) = find(&description.initial_unknowns) {
+        return entry.dependencies.as_deref();
+    }
+    let is_undeclared = description.fmi == FmiVersion::V2 && description.initial_unknowns.is_empty();
+    if is_undeclared && variable.initial != Some(Initial::Exact) {
+        return find(&description.outputs).and_then(|entry| entry.dependencies.as_deref());
+    }
+    Some(&[])
+}
+
+/// The inputs on which an output depends within a step; `None`: all of them. Samples depend on none.
+fn dependencies<'a>(member: &'a CaseComponent<'_>, output: usize) -> Option<&'a [usize]> {
+    if member.is_discrete() {
+        return Some(&[]);
+    }
+    let description = &member.found.description;
+    let output = description.variables[output].alias_of.unwrap_or(output);
+    let entry = description.outputs.iter().find(|unknown| unknown.variable == output);
+    entry.and_then(|entry| entry.dependencies.as_deref())
+}
+
+/// Returns the evaluations of a case in their order. `slots` has the slots of the outputs.
+pub(super) fn evaluations(system: &System<'_>, slots: &BTreeMap<(usize, usize), usize>) -> Vec<Evaluation> {
+    Order::new(system, slots, initial_dependencies).find().into_iter().map(|(evaluation, _)| evaluation).collect()
+}
+
+/// The algebraic loops of a case: at the start, and those that the order of the components breaks in each step.
+pub(super) fn loops(system: &System<'_>) -> Vec<plan::Loop> {
+    let read = system.order.iter().flat_map(|m| &system.members[*m].inputs).filter_map(|(_, source)| match source {
+        Source::Output(m, v) => Some((*m, *v)),
+        _ => None,
+    });
+    let read: BTreeSet<(usize, usize)> = read.collect();
+    let slots = read.into_iter().zip(0..).collect();
+    let found = |at_start, order: Order<'_>| {
+        let loops = order.find().into_iter().filter_map(|(evaluation, held)| Some((evaluation.equations?.path, held)));
+        loops.map(|(path, held)| plan::Loop { at_start, path, held }).collect::<Vec<_>>()
+    };
+    let mut all = found(true, Order::new(system, &slots, initial_dependencies));
+    all.append(&mut found(false, Order::new(system, &slots, dependencies)));
+    all
+}
+
+struct Order<'a> {
+    members: Vec<&'a CaseComponent<'a>>,
+    /// In the order of their slots.
+    outputs: Vec<Output<'a>>,
+    readers: Vec<Reader<'a>>,
+    /// Slots of the outputs that have their final values.
+    known: BTreeSet<usize>,
+}
+
+impl<'a> Order<'a> {
+    fn new(
+        system: &'a System<'_>,
+        slots: &BTreeMap<(usize, usize), usize>,
+        dependencies: impl Fn(&'a CaseComponent<'_>, usize) -> Option<&'a [usize]>,
+    ) -> Self {
+        let (mut outputs, mut readers) = (Vec::new(), Vec::new());
+        let members: Vec<&CaseComponent<'_>> = system.order.iter().map(|m| &system.members[*m]).collect();
+        for (component, (&m, member)) in system.order.iter().zip(&members).enumerate() {
+            let slot_of = |source: &Source| match source {
+                Source::Output(from, v) => slots.get(&(*from, *v)).copied(),
+                _ => None,
+            };
+            readers.extend(member.inputs.iter().filter_map(|(v, source)| {
+                Some(Reader { component, variable: member.variable(*v), slot: slot_of(source)? })
+            }));
+            for ((_, v), slot) in slots.range((m, 0)..(m + 1, 0)) {
+                let listed = dependencies(member, *v);
+                let is_needed = |input: usize| listed.is_none_or(|list| list.contains(&input));
+                let needed = || member.inputs.iter().filter(|(input, _)| is_needed(*input));
+                outputs.push(Output {
+                    component,
+                    variable: member.variable(*v),
+                    slot: *slot,
+                    needs: needed().filter_map(|(_, source)| slot_of(source)).collect(),
+                    has_inputs: needed().next().is_some(),
+                });
+            }
+        }
+        Self { members, outputs, readers, known: BTreeSet::new() }
+    }
+
+    /// The evaluations in their order; for loops, also the connections whose reader comes before the writer.
+    fn find(mut self) -> Vec<(Evaluation, Vec<String>)> {
+        self.known = self.outputs.iter().filter(|output| !output.has_inputs).map(|output| output.slot).collect();
+        let mut open: Vec<usize> = (0..self.members.len()).collect();
+        let mut evaluations = Vec::new();
+        while !open.is_empty() {
+            let is_ready = |c: &usize| self.readers.iter().all(|r| r.component != *c || self.known.contains(&r.slot));
+            if let Some(at) = open.iter().position(is_ready) {
+                let component = open.remove(at);
+                self.evaluate(component);
+                evaluations.push((Evaluation::of(component), Vec::new()));
+            } else if let Some(component) = open.iter().copied().find(|c| self.news(*c).next().is_some()) {
+                self.evaluate(component);
+                evaluations.push((Evaluation::of(component), Vec::new()));
+            } else {
+                evaluations.push(self.solve());
+            }
+        }
+        evaluations
+    }
+
+    /// The outputs of a component that become known when it is evaluated.
+    fn news(&self, component: usize) -> impl Iterator<Item = usize> {
+        let own = self.outputs.iter().filter(move |output| output.component == component);
+        own.filter(|o| !self.known.contains(&o.slot) && o.needs.is_subset(&self.known)).map(|output| output.slot)
+    }
+
+    fn evaluate(&mut self, component: usize) {
+        let news: Vec<usize> = self.news(component).collect();
+        self.known.extend(news);
+    }
+
+    fn needs(&self, slot: usize) -> &BTreeSet<usize> {
+        static NONE: BTreeSet<usize> = BTreeSet::new();
+        self.outputs.iter().find(|output| output.slot == slot).map_or(&NONE, |output| &output.needs)
+    }
+
+    /// The slots that the value in a slot depends on and that are not known yet, directly or through others.
+    fn behind(&self, slot: usize) -> BTreeSet<usize> {
+        let mut found = BTreeSet::new();
+        let mut open = vec![slot];
+        while let Some(next) = open.pop() {
+            open.extend(self.needs(next).difference(&self.known).filter(|need| found.insert(**need)));
+        }
+        found
+    }
+
+    /// The first algebraic loop on which no other loop has an effect. Its signals are known from now on.
+    fn solve(&mut self) -> (Evaluation, Vec<String>) {
+        let unknown = || self.outputs.iter().filter(|output| !self.known.contains(&output.slot));
+        // A signal of a loop depends on itself; in the first loop, all signals depend on each other.
+        let is_first = |slots: &BTreeSet<usize>| slots.iter().all(|slot| self.behind(*slot) == *slots);
+        let slots = unknown().map(|output| self.behind(output.slot)).find(|slots| !slots.is_empty() && is_first(slots));
+        let slots = slots.unwrap_or_default();
+        let members = || self.outputs.iter().filter(|output| slots.contains(&output.slot));
+        let readers = |slot: usize| self.readers.iter().filter(move |reader| reader.slot == slot);
+        let of_loop = |component: usize| members().any(|output| output.component == component);
+        // A signal is solved for if only Reals read it in the loop.
+        let is_real = |output: &&Output<'_>| {
+            let mut inside = readers(output.slot).filter(|reader| of_loop(reader.component));
+            output.variable.base_type == BaseType::Real && inside.all(|r| r.variable.base_type == BaseType::Real)
+        };
+        let start = |slot: usize| {
+            readers(slot).find_map(|reader| match reader.variable.start {
+                Some(Value::Real(start)) => Some(start),
+                _ => None,
+            })
+        };
+        let components: BTreeSet<usize> = members().map(|output| output.component).collect();
+        let has_derivatives = |component: &usize| {
+            let interface = self.members[*component].found.description.co_simulation.as_ref();
+            interface.is_some_and(|interface| interface.provides_directional_derivative)
+        };
+        let cycle = self.cycle(&slots);
+        let name =
+            |component: usize, variable: &Variable| format!("{}:{}", self.members[component].name(), variable.name);
+        let ends = |(from, to): &(&Output<'_>, &Reader<'_>)| {
+            [name(from.component, from.variable), name(to.component, to.variable)]
+        };
+        let names: Vec<String> = cycle.iter().flat_map(ends).collect();
+        let held = cycle.iter().filter(|(from, to)| from.component >= to.component);
+        let held = held.map(|wire| ends(wire).join(" -> ")).collect();
+        let equations = AlgebraicLoop {
+            unknowns: members()
+                .filter(is_real)
+                .map(|output| Unknown {
+                    slot: output.slot,
+                    start: start(output.slot).unwrap_or_default(),
+                    nominal: output.variable.nominal.map(f64::abs).filter(|n| *n > 0.0).unwrap_or(1.0),
+                })
+                .collect(),
+            held: members().filter(|output| !is_real(output)).map(|output| output.slot).collect(),
+            has_derivatives: components.iter().all(has_derivatives),
+            path: names.join(" -> "),
+        };
+        let evaluation = Evaluation { components: components.into_iter().collect(), equations: Some(equations) };
+        self.known.extend(slots);
+        (evaluation, held)
+    }
+
+    /// A cycle of connections through a loop, beginning with its first signal.
+    fn cycle(&self, slots: &BTreeSet<usize>) -> Vec<(&Output<'a>, &Reader<'a>)> {
+        let of = |slot: usize| self.outputs.iter().find(|output| output.slot == slot);
+        // From a signal back to one that it needs, until a signal comes again.
+        let mut chain: Vec<usize> = slots.first().copied().into_iter().collect();
+        let first = loop {
+            let next = chain.last().and_then(|slot| self.needs(*slot).intersection(slots).next());
+            let Some(next) = next else { return Vec::new() };
+            match chain.iter().position(|slot| slot == next) {
+                Some(place) => break place,
+                None => chain.push(*next),
+            }
+        };
+        chain.drain(..first);
+        chain.reverse();
+        let begin = (0..chain.len()).min_by_key(|i| chain[*i]).unwrap_or_default();
+        chain.rotate_left(begin);
+        let next = |i: usize| of(chain[(i + 1) % chain.len()]);
+        let wire = |(i, slot): (usize, &usize)| {
+            let component = next(i)?.component;
+            let reader = self.readers.iter().find(|r| r.slot == *slot && r.component == component)?;
+            Some((of(*slot)?, reader))
+        };
+        chain.iter().enumerate().filter_map(wire).collect()
+    }
+}

@@ -1,0 +1,103 @@
+//! Consistent values of connected inputs and outputs in Initialization Mode.
+
+use super::{Bus, Component};
+use crate::algebraic::{self, Equations, Unsolved};
+use crate::fmus::FmusError;
+use crate::run::AlgebraicLoop;
+use fmu_import::c_api::Reference;
+use fmu_import::loader::CallError;
+
+/// Most rounds until signals that are not Real stop to change.
+const ROUNDS: usize = 10;
+
+/// Sets the inputs of components, then reads their outputs.
+pub(super) fn evaluate(components: &[usize], members: &mut [Component], bus: &mut Bus) -> Result<(), CallError> {
+    components.iter().try_for_each(|index| members[*index].set_inputs(bus))?;
+    components.iter().try_for_each(|index| members[*index].read_outputs(bus))
+}
+
+/// Solves an algebraic loop. Signals that are not Real are held while the equations are solved, until nothing changes.
+pub(super) fn solve(
+    equations: &AlgebraicLoop,
+    components: &[usize],
+    members: &mut [Component],
+    bus: &mut Bus,
+) -> Result<(), FmusError> {
+    let unsolved = |message: String| FmusError::Loop { path: equations.path.clone(), message };
+    let nominal: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.nominal).collect();
+    let mut z: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.start).collect();
+    for _ in 0..ROUNDS {
+        let held = bus.clone();
+        let mut system = System { equations, components, members, bus, held: &held };
+        z = match algebraic::solve(&mut system, &z, &nominal) {
+            Ok(solution) => solution,
+            Err(Unsolved::Evaluation(error)) => return Err(error.into()),
+            Err(other) => return Err(unsolved(format!("has {other}"))),
+        };
+        system.write(&z);
+        evaluate(components, members, bus)?;
+        if equations.held.iter().all(|slot| bus.is_same(*slot, &held)) {
+            return Ok(());
+        }
+    }
+    Err(unsolved(format!("does not settle: signals that are not Real change in each of {ROUNDS} rounds")))
+}
+
+struct System<'a> {
+    equations: &'a AlgebraicLoop,
+    components: &'a [usize],
+    members: &'a mut [Component],
+    bus: &'a mut Bus,
+    /// Values of the signals that are not Real.
+    held: &'a Bus,
+}
+
+impl System<'_> {
+    fn write(&mut self, z: &[f64]) {
+        for (unknown, value) in self.equations.unknowns.iter().zip(z) {
+            self.bus.numbers[unknown.slot] = *value;
+        }
+        for slot in &self.equations.held {
+            self.bus.copy(*slot, self.held);
+        }
+    }
+}
+
+impl Equations for System<'_> {
+    type Error = CallError;
+
+    fn evaluate(&mut self, z: &[f64]) -> Result<Vec<f64>, CallError> {
+        self.write(z);
+        evaluate(self.components, self.members, self.bus)?;
+        Ok(self.equations.unknowns.iter().map(|unknown| self.bus.numbers[unknown.slot]).collect())
+    }
+
+    fn derivatives(&mut self) -> Result<Option<Vec<Vec<f64>>>, CallError> {
+        if !self.equations.has_derivatives {
+            return Ok(None);
+        }
+        let unknowns = &self.equations.unknowns;
+        let mut columns = vec![vec![0.0; unknowns.len()]; unknowns.len()];
+        for index in self.components {
+            let Component { instance, inputs, outputs, .. } = &mut self.members[*index];
+            let place = |slot: &usize| unknowns.iter().position(|unknown| unknown.slot == *slot);
+            let own = outputs.reals.slots.iter().zip(&outputs.reals.references);
+            let (rows, results): (Vec<usize>, Vec<Reference>) =
+                own.filter_map(|(slot, reference)| Some((place(slot)?, *reference))).unzip();
+            for (column, unknown) in columns.iter_mut().zip(unknowns) {
+                let read = inputs.reals.slots.iter().zip(&inputs.reals.references);
+                let knowns: Vec<Reference> =
+                    read.filter(|(slot, _)| **slot == unknown.slot).map(|(_, reference)| *reference).collect();
+                if knowns.is_empty() {
+                    continue;
+                }
+                let mut found = vec![0.0; rows.len()];
+                instance.get_directional_derivative(&results, &knowns, &vec![1.0; knowns.len()], &mut found)?;
+                for (row, value) in rows.iter().zip(found) {
+                    column[*row] = value;
+                }
+            }
+        }
+        Ok(Some(columns))
+    }
+}

@@ -1,0 +1,192 @@
+//! Consistent start values of connected components, with FMUs built from C in a temporary folder.
+#![cfg(unix)]
+
+#[path = "../../fmu-import/tests/support/mod.rs"]
+mod support;
+
+use fmu_system::fmus::Fmus;
+use fmu_system::plan::{Loop, Plan, Timing};
+use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+use fmu_system::session::Session;
+use std::path::Path;
+use support::Build;
+use tempfile::TempDir;
+
+/// The function of an FMU: `y` in terms of the input `u`.
+struct Function<'a> {
+    name: &'a str,
+    input: &'a str,
+    output: &'a str,
+    formula: &'a str,
+    /// The list `dependencies` of the output among the initial unknowns; `None` without one.
+    dependencies: Option<&'a str>,
+}
+
+impl Function<'_> {
+    fn pack(&self, folder: &Path) {
+        let follow = format!("FOLLOW=i->v.real[1]=({})", self.formula.replace('u', "i->v.real[0]"));
+        let exit = format!("EXIT=i->v.real[1]=({})", self.formula.replace('u', "i->v.real[0]"));
+        let list = self.dependencies.map_or(String::new(), |list| format!(" dependencies=\"{list}\""));
+        let structure = format!(
+            "<ModelStructure><Outputs><Unknown index=\"2\"/><Unknown index=\"6\"/><Unknown index=\"8\"/></Outputs>\
+             <InitialUnknowns><Unknown index=\"2\"{list}/></InitialUnknowns></ModelStructure>"
+        );
+        let edits = [("<ModelStructure/>", structure.as_str())];
+        let defects = [follow.as_str(), exit.as_str()];
+        Build { defects: &defects, edits: &edits, ..Build::new(self.name, self.input, self.output) }.pack(folder);
+    }
+}
+
+/// The plan of components, each a name and an FMU, and of connections. The input `free` is 0.
+fn plan(folder: &TempDir, components: &[[&str; 2]], connections: &[[&str; 2]], record: &str) -> Plan {
+    plan_in(folder, "sequential", components, connections, record)
+}
+
+/// As [`plan`], with an order. A component whose name begins with `s` takes samples.
+fn plan_in(folder: &TempDir, order: &str, components: &[[&str; 2]], connections: &[[&str; 2]], record: &str) -> Plan {
+    let mut text = format!("title = \"Start\"\n[simulation]\nstop = 1.0\nstep = 0.1\norder = \"{order}\"\n");
+    for [name, fmu] in components {
+        text += &format!("[[component]]\nname = \"{name}\"\nfmu = \"{fmu}\"\n");
+        if name.starts_with('s') {
+            text += "kind = \"discrete\"\n";
+        }
+    }
+    for [from, to] in connections {
+        text += &format!("[[connection]]\nfrom = \"{from}\"\nto = \"{to}\"\n");
+    }
+    text += "[[case]]\nname = \"only\"\ntitle = \"Only\"\n";
+    if components.iter().any(|[name, _]| *name == "source") {
+        text += "inputs.source = { free = 0.0 }\n";
+    }
+    text += &format!("[record]\nsignals = [{record}]\n");
+    resolve_text(Path::new("start.toml"), &text, &FmuFolder::new([folder.path()]), &Options::default()).unwrap()
+}
+
+fn start(plan: &Plan) -> Result<Vec<f64>, String> {
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let session = Session::new(&plan.simulation, &plan.runs[0], &fmus).map_err(|failure| failure.to_string())?;
+    Ok((0..plan.columns.len()).map(|column| session.column(column).unwrap()).collect())
+}
+
+/// y_j = g_j y_(j-1) + b_j. The reference is the product; each listing order gives the same bits, and one evaluation of
+/// each component is enough.
+#[test]
+fn a_chain_starts_right_in_any_listing_order() {
+    let folder = TempDir::new().unwrap();
+    let gains = [(2.0, 0.5), (-1.5, 1.0), (0.4, -2.0), (3.0, 0.125), (0.25, 4.0)];
+    let mut expected = vec![1.25];
+    for (number, (gain, offset)) in gains.iter().enumerate() {
+        let (name, input, output) = (format!("Gain{number}"), format!("y{number}"), format!("y{}", number + 1));
+        let formula = format!("{gain:?} * u + {offset:?}");
+        Function { name: &name, input: &input, output: &output, formula: &formula, dependencies: Some("1") }
+            .pack(folder.path());
+        expected.push(gain * expected[number] + offset);
+    }
+    Function { name: "Source", input: "free", output: "y0", formula: "1.25", dependencies: Some("") }
+        .pack(folder.path());
+    let mut components =
+        vec![["source", "Source"], ["a", "Gain0"], ["b", "Gain1"], ["c", "Gain2"], ["d", "Gain3"], ["e", "Gain4"]];
+    for _ in 0..2 {
+        let plan = plan(&folder, &components, &[], "\"y0\", \"y1\", \"y2\", \"y3\", \"y4\", \"y5\"");
+        assert_eq!(plan.runs[0].initialization.len(), 6);
+        assert_eq!(start(&plan).unwrap(), expected);
+        components.reverse();
+        expected.reverse();
+    }
+}
+
+/// Two functions in a loop; the tolerance of a solution is 1e-9 of its value, which the other function can enlarge.
+fn in_loop(a: &str, b: &str, dependencies: [Option<&str>; 2], extra: &[&str]) -> Result<Vec<f64>, String> {
+    let folder = TempDir::new().unwrap();
+    Function { name: "A", input: "au", output: "ay", formula: a, dependencies: dependencies[0] }.pack(folder.path());
+    Function { name: "B", input: "bu", output: "by", formula: b, dependencies: dependencies[1] }.pack(folder.path());
+    Function { name: "Source", input: "free", output: "y0", formula: "1", dependencies: Some("") }.pack(folder.path());
+    let components = [["a", "A"], ["b", "B"], ["source", "Source"]];
+    let connections = [["a:ay", "b:bu"], ["b:by", "a:au"]];
+    let record: Vec<String> = ["ay", "by", "y0"].iter().chain(extra).map(|name| format!("\"{name}\"")).collect();
+    start(&plan(&folder, &components, &connections, &record.join(", ")))
+}
+
+#[test]
+fn loops_are_solved() {
+    let both = [Some("1"), Some("1")];
+    for (a, b, dependencies, expected) in [
+        ("0.5 * u + 1", "u", both, [2.0, 2.0]),
+        ("-3 * u + 4", "u", both, [1.0, 1.0]),
+        ("2 - 0.5 * u * u * u", "1.2 * u", both, [1.036_868_969_729_860, 1.2 * 1.036_868_969_729_860]),
+        // a is a constant, but does not say so: the loop ends after as many passes as the true chain is long.
+        ("3", "2 * u", [None, Some("1")], [3.0, 6.0]),
+    ] {
+        let found = in_loop(a, b, dependencies, &[]).unwrap();
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() <= 1e-8 * expected.abs(), "{a}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_loop_without_a_solution_is_named() {
+    for (a, reason) in [("u + 1", "singular Jacobian"), ("u * u + 1", "no convergence")] {
+        let message = in_loop(a, "u", [Some("1"); 2], &[]).unwrap_err();
+        let expected = format!("the algebraic loop at the start has no solution ({reason}); residual ");
+        assert!(message.contains(&expected), "{message}");
+        assert!(
+            message.contains(" after 5 fixed-point iterations: a:ay -> b:bu -> b:by -> a:au; break it"),
+            "{message}"
+        );
+    }
+}
+
+fn timings(plan: &Plan) -> Vec<(&str, Timing)> {
+    let of = |input: &'_ fmu_system::plan::Connected| input.timing;
+    plan.wiring[0].inputs.iter().filter_map(|input| Some((input.input.variable.as_str(), of(input)?))).collect()
+}
+
+fn names(plan: &Plan) -> Vec<&str> {
+    plan.runs[0].components.iter().map(|component| component.name.as_str()).collect()
+}
+
+/// A plant, an actuator, and a controller that takes samples. The classes are those of the definition: in a sequential
+/// order, what takes samples should come before what it reads, and all else after what it reads.
+#[test]
+fn the_plan_classifies_the_times_of_connections() {
+    let folder = TempDir::new().unwrap();
+    for (name, input, output) in
+        [("Plant", "force", "speed"), ("Control", "speed", "demand"), ("Drive", "demand", "force")]
+    {
+        Function { name, input, output, formula: "u", dependencies: Some("1") }.pack(folder.path());
+    }
+    let components = [["plant", "Plant"], ["drive", "Drive"], ["samples", "Control"]];
+    use Timing::{Early, Held, Late, OnTime};
+    let listed = plan_in(&folder, "sequential", &components, &[], "\"speed\"");
+    assert_eq!(timings(&listed), [("force", Held), ("demand", Late), ("speed", Early)]);
+    assert_eq!(listed.warnings.len(), 1, "{:?}", listed.warnings);
+    assert!(listed.warnings[0].contains("2 connections carry values of another step"), "{}", listed.warnings[0]);
+    let jacobi = plan_in(&folder, "jacobi", &components, &[], "\"speed\"");
+    assert_eq!(timings(&jacobi), [("force", Held), ("demand", Late), ("speed", OnTime)]);
+    let auto = plan_in(&folder, "auto", &components, &[], "\"speed\"");
+    assert_eq!(names(&auto), ["samples", "drive", "plant"]);
+    assert!(timings(&auto).iter().all(|(_, timing)| *timing == OnTime) && auto.warnings.is_empty());
+    // Nothing is wrong, so nothing is said.
+    let mut reversed = components;
+    reversed.reverse();
+    assert!(plan_in(&folder, "sequential", &reversed, &[], "\"speed\"").warnings.is_empty());
+}
+
+/// A cycle of continuous components: any order holds one connection; the first of them begins, and the loop of direct
+/// feedthrough is reported at the start and in each step.
+#[test]
+fn the_plan_names_loops_and_the_connection_that_breaks_them() {
+    let folder = TempDir::new().unwrap();
+    for (name, input, output) in [("A", "c", "a"), ("B", "a", "b"), ("C", "b", "c")] {
+        Function { name, input, output, formula: "0.5 * u + 1", dependencies: Some("1") }.pack(folder.path());
+    }
+    let components = [["c", "C"], ["b", "B"], ["a", "A"]];
+    let auto = plan_in(&folder, "auto", &components, &[], "\"a\"");
+    assert_eq!(names(&auto), ["c", "a", "b"]);
+    let path = "c:c -> a:c -> a:a -> b:a -> b:b -> c:b";
+    let of = |at_start| Loop { at_start, path: path.into(), held: vec!["b:b -> c:b".into()] };
+    assert_eq!(auto.wiring[0].loops, [of(true), of(false)]);
+    // x = x / 8 + 1.75.
+    assert!((start(&auto).unwrap()[0] - 2.0).abs() < 1e-8);
+}

@@ -1,0 +1,74 @@
+"""Consistent values of connected inputs and outputs in Initialization Mode, as in the native master."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from .. import _native
+from .bus import Array, ExactValues
+
+if TYPE_CHECKING:
+    from ..files.plan import AlgebraicLoop
+    from .master import Slave
+
+# Most rounds until signals that are not Real stop to change.
+ROUNDS = 10
+
+
+def evaluate(slaves: Sequence[Slave], time: float) -> None:
+    """Set the inputs of components, then read their outputs."""
+    for slave in slaves:
+        slave.set(time)
+    for slave in slaves:
+        slave.read(time)
+
+
+class _Values:
+    """The values of some slots."""
+
+    def __init__(self, slots: Sequence[int], bus: Array, exact: ExactValues) -> None:
+        self.slots = list(slots)
+        self.numbers = bus[self.slots].copy()
+        self.integers = {slot: value for slot, value in exact.integers.items() if slot in self.slots}
+        self.binaries = {slot: value for slot, value in exact.binaries.items() if slot in self.slots}
+
+    def write(self, bus: Array, exact: ExactValues) -> None:
+        bus[self.slots] = self.numbers
+        exact.integers.update(self.integers)
+        exact.binaries.update(self.binaries)
+
+    def is_same(self, other: _Values) -> bool:
+        same = self.numbers.tobytes() == other.numbers.tobytes()
+        return same and (self.integers, self.binaries) == (other.integers, other.binaries)
+
+
+def solve(equations: AlgebraicLoop, slaves: Sequence[Slave], bus: Array, exact: ExactValues, time: float) -> None:
+    """Solve an algebraic loop; raises _native.NoSolutionError."""
+    slots = [unknown.slot for unknown in equations.unknowns]
+    z = [unknown.start for unknown in equations.unknowns]
+    for _ in range(ROUNDS):
+        held = _Values(equations.held, bus, exact)
+
+        def values(z: list[float], held: _Values = held) -> list[float]:
+            bus[slots] = z
+            held.write(bus, exact)
+            evaluate(slaves, time)
+            found: list[float] = bus[slots].tolist()
+            return found
+
+        def derivatives() -> list[list[float]]:
+            columns = [[0.0] * len(slots) for _ in slots]
+            for slave in slaves:
+                for column, slot in zip(columns, slots, strict=True):
+                    for found, value in slave.derivatives(slot, slots, time):
+                        column[slots.index(found)] = value
+            return columns
+
+        nominal = [unknown.nominal for unknown in equations.unknowns]
+        z = _native.solve(z, nominal, values, derivatives if equations.has_derivatives else None)
+        values(z)
+        if held.is_same(_Values(equations.held, bus, exact)):
+            return
+    text = f"does not settle: signals that are not Real change in each of {ROUNDS} rounds"
+    raise _native.NoSolutionError(text)

@@ -1,0 +1,40 @@
+//! The solver of algebraic loops, for the master that calls FMUs from Python.
+
+use fmu_system::algebraic::{self, Equations, Unsolved};
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+
+create_exception!(chassis_fmu._native, NoSolutionError, PyException, "An algebraic loop without a solution.");
+
+struct Functions<'py> {
+    evaluate: Bound<'py, PyAny>,
+    derivatives: Option<Bound<'py, PyAny>>,
+}
+
+impl Equations for Functions<'_> {
+    type Error = PyErr;
+
+    fn evaluate(&mut self, z: &[f64]) -> PyResult<Vec<f64>> {
+        self.evaluate.call1((z.to_vec(),))?.extract()
+    }
+
+    fn derivatives(&mut self) -> PyResult<Option<Vec<Vec<f64>>>> {
+        self.derivatives.as_ref().map(|derivatives| derivatives.call0()?.extract()).transpose()
+    }
+}
+
+/// Solves z = evaluate(z); see `fmu_system::algebraic`.
+#[pyfunction]
+#[pyo3(signature = (start, nominal, evaluate, derivatives))]
+pub(crate) fn solve<'py>(
+    start: Vec<f64>,
+    nominal: Vec<f64>,
+    evaluate: Bound<'py, PyAny>,
+    derivatives: Option<Bound<'py, PyAny>>,
+) -> PyResult<Vec<f64>> {
+    algebraic::solve(&mut Functions { evaluate, derivatives }, &start, &nominal).map_err(|error| match error {
+        Unsolved::Evaluation(error) => error,
+        other => NoSolutionError::new_err(format!("has {other}")),
+    })
+}

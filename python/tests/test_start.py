@@ -1,0 +1,110 @@
+"""Algebraic loops at the start: both masters solve them with the same bits."""
+
+import math
+import subprocess
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from tests.commands import chassis, unwrapped
+from tests.test_fmpy import MISSING, SOURCE
+
+DESCRIPTION = """<?xml version="1.0"?>
+<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{name}">
+<CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true"
+ providesDirectionalDerivative="{derivatives}"/>
+<ModelVariables>
+<ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Outputs><Unknown index="2" dependencies="1"/></Outputs>
+<InitialUnknowns><Unknown index="2" dependencies="1"/></InitialUnknowns></ModelStructure>
+</fmiModelDescription>
+"""
+
+SCENARIO = """title = "Loop"
+[simulation]
+stop = 0.2
+step = 0.1
+[[component]]
+name = "a"
+fmu = "A"
+[[component]]
+name = "b"
+fmu = "B"
+[[connection]]
+from = "a:y"
+to = "b:u"
+[[connection]]
+from = "b:y"
+to = "a:u"
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["a:y", "b:y"]
+"""
+
+
+# u^3 + 2 u - 4 = 0.
+ROOT = math.sqrt(4 + 8 / 27)
+
+
+def build(folder: Path, name: str, value: str, slope: str | None) -> None:
+    """Build an FMU with the output `value`, a function of `u`, and its derivative `slope`."""
+    library, source = folder / f"{name}.so", folder / f"{name}.c"
+    stubs = "\n".join(f"EXPORT int fmi2{function}(void) {{ return 3; }}" for function in MISSING.split())
+    source.write_text(f"{SOURCE.read_text()}\n{stubs}\n")
+    # The derivative in the source is real[2].
+    follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; }}"
+    macros = [f"-DFOLLOW={follow}", f"-DEXIT={follow}", f"-DSTEP={{ {follow} return 0; }}"]
+    options = ["-shared", "-fPIC", "-ffp-contract=off", "-DSTATES", '-DVERSION="2.0"', f'-DGUID="{name}"', *macros]
+    subprocess.run(["cc", *options, "-o", library, source], check=True)
+    with zipfile.ZipFile(folder / f"{name}.fmu", "w") as file:
+        text = DESCRIPTION.format(name=name, derivatives="false" if slope is None else "true")
+        file.writestr("modelDescription.xml", text)
+        file.write(library, f"binaries/{fmpy.platform}/{name}.so")
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "expected"),
+    [
+        ("0.5 * u + 1", "0.5", 2.0),
+        ("0.5 * u + 1", None, 2.0),
+        ("-3 * u + 4", "-3", 1.0),
+        ("2 - 0.5 * u * u * u", "-1.5 * u * u", (2 + ROOT) ** (1 / 3) - (ROOT - 2) ** (1 / 3)),
+    ],
+)
+def test_both_masters_solve_a_loop_with_the_same_bits(
+    value: str,
+    slope: str | None,
+    expected: float,
+    tmp_path: Path,
+    run_by_both_masters: Callable[[Path, Path], Path],
+) -> None:
+    """The solutions of u = f(u) are closed forms, for the cubic that of Cardano.
+
+    The tolerance is that of a solution, 1e-9, which the other function can enlarge.
+    """
+    build(tmp_path, "A", value, slope)
+    build(tmp_path, "B", "u", None if slope is None else "1")
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(SCENARIO)
+    rows = run_by_both_masters(scenario, tmp_path).read_text().splitlines()
+    assert [float(cell) for cell in rows[1].split(",")] == pytest.approx([0.0, expected, expected], rel=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["native", "fmpy"])
+def test_a_loop_without_a_solution_is_named(engine: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path, "A", "u + 1", "1")
+    build(tmp_path, "B", "u", "1")
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(SCENARIO)
+    code, out = chassis("run", scenario, "--engine", engine, "--fmus", tmp_path, "--out", tmp_path / "out", "--no-page")
+    assert code == 1
+    found = unwrapped(out + capfd.readouterr().err)
+    assert "the algebraic loop at the start has no solution (singular Jacobian); residual 1 after 5" in found
+    assert "a:y -> b:u -> b:y -> a:u" in found
