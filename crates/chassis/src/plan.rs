@@ -7,7 +7,8 @@ use clap::Args;
 use fmu_import::description::Value;
 use fmu_import::terminal::{indented, line};
 use fmu_system::plan::{self, Connected, Origin, Plan, Signal, Timing, TypeChange, Wiring};
-use fmu_system::run::Order;
+use fmu_system::run::{Linear, Order};
+use fmu_system::typography::significant;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -192,7 +193,7 @@ fn components(plan: &Plan) -> Vec<String> {
 fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
     let mut rows: Vec<([String; 4], Vec<String>)> = Vec::new();
     let mut indices: HashMap<[String; 4], usize> = HashMap::new();
-    for Connected { input, source, type_change, timing } in &wiring.inputs {
+    for Connected { input, source, type_change, conversion, timing } in &wiring.inputs {
         let (stem, place) = input.variable.rsplit_once('.').unwrap_or((&input.variable, ""));
         let source = match source {
             Origin::Output(Signal { component, variable }) => {
@@ -222,6 +223,11 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
             Some(Timing::Late) => ", one step late",
             Some(Timing::Early) => ", one step early",
         };
+        let converted = conversion.map_or(String::new(), |Linear { factor, offset }| match offset {
+            0.0 => format!(" x {}", significant(factor, 6)),
+            _ => format!(" x {} + {}", significant(factor, 6), significant(offset, 6)),
+        });
+        let source = format!("{source}{converted}");
         let row = [input.component.clone(), stem.to_string(), source, note.to_owned()];
         let index = *indices.entry(row.clone()).or_insert(rows.len());
         match rows.get_mut(index) {
@@ -279,6 +285,7 @@ mod tests {
                 input: signal("pump", name),
                 source: Origin::Output(signal("law", "command")),
                 type_change,
+                conversion: None,
                 timing: None,
             });
         let wiring = Wiring { case: "only".into(), inputs: inputs.into(), unread: Vec::new(), loops: Vec::new() };

@@ -518,8 +518,17 @@ impl Variable {
 
     /// Returns `None` if this output can be connected to the input, otherwise their differing properties. The type of
     /// the input must have all values of the type of the output ([`DataType::widens_to`]). The units must be equal if
-    /// both have one, as must the MIME types of Binaries, unless one is `application/octet-stream`.
+    /// both have one.
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
+        self.mismatch_of_types(input).or_else(|| match (&self.unit, &input.unit) {
+            (Some(from), Some(to)) if from != to => Some([from, to].map(|unit| format!("in {unit}"))),
+            _ => None,
+        })
+    }
+
+    /// As [`Self::mismatch`], without the units. The MIME types of Binaries must be equal, unless one is
+    /// `application/octet-stream`.
+    pub fn mismatch_of_types(&self, input: &Self) -> Option<[String; 2]> {
         if self.is_array() || input.is_array() {
             let shape = |variable: &Self| match variable.is_array() {
                 true => format!("an array of {} elements, which cannot be connected", variable.size),
@@ -537,10 +546,7 @@ impl Variable {
         if self.base_type == BaseType::Binary && types[0] != types[1] && !types.contains(&OCTET_STREAM) {
             return Some(types.map(|mime_type| format!("a Binary of the MIME type {mime_type}")));
         }
-        match (&self.unit, &input.unit) {
-            (Some(from), Some(to)) if from != to => Some([from, to].map(|unit| format!("in {unit}"))),
-            _ => None,
-        }
+        None
     }
 
     /// Returns `None` if this parameter and a parameter of another FMU can have the same value, otherwise their

@@ -17,7 +17,7 @@ mod ssp;
 mod xml;
 
 use crate::plan::Plan;
-use crate::run::{self, Run, Wire};
+use crate::run::{self, Linear, Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description_with};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, DataType, FmiVersion, ModelDescription, Unit, Variable};
@@ -114,11 +114,13 @@ pub struct Connector {
 }
 
 /// A connection: component and variable at both ends.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Connection {
     /// The end that writes.
     from: [String; 2],
     to: [String; 2],
+    /// How the value of the input follows, if it is not the same.
+    conversion: Option<Linear>,
 }
 
 impl System {
@@ -224,7 +226,7 @@ impl System {
                         wire.base_type
                     )));
                 }
-                connections.push(Connection { from: from.clone(), to });
+                connections.push(Connection { from: from.clone(), to, conversion: wire.conversion });
             }
         }
         Ok(Self {
@@ -249,7 +251,7 @@ impl System {
     }
 
     /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file and,
-    /// if all components are of FMI 2.0, the configuration of libcosim. With `overwrite`, the folder may contain the
+    /// if all components are of FMI 2.0 and no connection converts its value, the configuration of libcosim. With `overwrite`, the folder may contain the
     /// files of an earlier call.
     ///
     /// # Errors
@@ -279,7 +281,8 @@ impl System {
         let package = format!("{}.ssp", self.name);
         ssp::write(self, &fmus, &new.join(&package)).map_err(at(&folder.join(&package)))?;
         let mut files = vec![folder.join(package)];
-        if !self.has_fmi_3() {
+        // Structures of OSP do not convert values.
+        if !self.has_fmi_3() && self.connections.iter().all(|connection| connection.conversion.is_none()) {
             osp::structure(self)
                 .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
                 .map_err(at(&folder.join(OSP_STRUCTURE)))?;

@@ -4,7 +4,7 @@
 //! is printed as JSON for other programs.
 
 use crate::report::{Figure, Finding, Metric};
-use crate::run::{Run, Simulation, Trial};
+use crate::run::{Linear, Run, Simulation, Trial};
 pub use fmu_import::description::{BaseType, DisplayUnit, Value};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -106,6 +106,8 @@ pub struct Connected {
     pub source: Origin,
     /// Type conversion in the connection, if any.
     pub type_change: Option<TypeChange>,
+    /// Conversion of units, with the factor and offset of the connection.
+    pub conversion: Option<Linear>,
     /// Time of the value, if it comes from an output.
     pub timing: Option<Timing>,
 }

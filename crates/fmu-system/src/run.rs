@@ -230,7 +230,7 @@ impl Setting {
 }
 
 /// A variable and its place on the bus.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Wire {
     /// Name of the variable.
     pub name: String,
@@ -241,13 +241,34 @@ pub struct Wire {
     pub base_type: BaseType,
     /// Slot of the bus.
     pub slot: usize,
+    /// For a Real input, how its value follows from the signal, if they are not the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conversion: Option<Linear>,
+}
+
+/// A conversion: factor * value + offset.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Linear {
+    /// Factor.
+    pub factor: f64,
+    /// Offset, in the unit of the result.
+    pub offset: f64,
+}
+
+impl Linear {
+    /// Does not change a value.
+    pub(crate) const IDENTITY: Self = Self { factor: 1.0, offset: 0.0 };
+
+    pub(crate) fn of(self, value: f64) -> f64 {
+        self.factor * value + self.offset
+    }
 }
 
 impl Wire {
     /// A scalar variable and its place on the bus.
     pub fn new(variable: &Variable, slot: usize) -> Self {
         let Variable { name, reference, base_type, .. } = variable;
-        Self { name: name.clone(), reference: *reference, base_type: *base_type, slot }
+        Self { name: name.clone(), reference: *reference, base_type: *base_type, slot, conversion: None }
     }
 }
 

@@ -27,7 +27,8 @@
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
 //! doubles. UInt32 has a separate call, as do Int64 and UInt64, whose slots also hold the exact value. Binary outputs
 //! are read by one call, Binary inputs are set by one call each. On the bus, a Boolean output is 0 or 1, and a Boolean
-//! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way.
+//! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way. A Real
+//! input in another unit than its output gets the converted value.
 
 mod events;
 mod start;
@@ -36,7 +37,9 @@ use self::events::{Group as ClockedGroup, Signals};
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
-use crate::run::{Binaries, Evaluation, Exact, InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
+use crate::run::{
+    Binaries, Evaluation, Exact, InputSeries, Interpolation, Linear, Order, Run, Setting, Simulation, Wire,
+};
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
@@ -53,6 +56,8 @@ struct Group<T> {
     references: Vec<Reference>,
     slots: Vec<usize>,
     values: Vec<T>,
+    /// Conversions by the index of the variable.
+    conversions: Vec<(usize, Linear)>,
 }
 
 impl<T: Clone + Default> Group<T> {
@@ -62,6 +67,7 @@ impl<T: Clone + Default> Group<T> {
             references: of_type().map(|w| w.reference).collect(),
             slots: of_type().map(|w| w.slot).collect(),
             values: vec![T::default(); of_type().count()],
+            conversions: of_type().enumerate().filter_map(|(i, wire)| Some((i, wire.conversion?))).collect(),
         }
     }
 
@@ -223,6 +229,9 @@ impl Component {
         let Self { instance, inputs, .. } = self;
         let numbers = &bus.numbers[..];
         inputs.reals.load(numbers, |v| v);
+        for (i, conversion) in &inputs.reals.conversions {
+            inputs.reals.values[*i] = conversion.of(inputs.reals.values[*i]);
+        }
         inputs.reals.set(|references, values| instance.set_real(references, values))?;
         let mut are_exact = true;
         inputs.integers.load(numbers, |v| {

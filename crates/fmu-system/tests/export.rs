@@ -431,7 +431,11 @@ fn a_unit_of_measure_with_two_meanings_is_rejected() {
     let unit = |factor: f64| format!("<Unit name=\"mile\"><BaseUnit m=\"1\" factor=\"{factor}\"/></Unit>");
     described(&folder, "Source", &unit(1609.344), "", &variable("output", ""));
     described(&folder, "Sink", &unit(1852.0), "", &variable("input", " start=\"0\""));
-    assert_eq!(rejected(&folder), "the unit of measure `mile` is defined differently in Sink.fmu and Source.fmu");
+    // Without this connection, the scenario is rejected.
+    let text = format!("{PAIR}\n[[connection]]\nfrom = \"source:u\"\nto = \"sink:u\"\nconvert = false\n");
+    let plan = plan(&folder, &text, &Options::default());
+    let error = System::new(&plan, &plan.runs[0]).unwrap_err().to_string();
+    assert_eq!(error, "the unit of measure `mile` is defined differently in Sink.fmu and Source.fmu");
 }
 
 /// References: SSP 2.0, section ParameterBindings: structural parameters of FMI 3.0 are set in Configuration Mode.

@@ -145,7 +145,7 @@ fn a_variable_without_a_unit_passes_signals_of_every_unit() {
     }
     // Without the follower, a speed would be connected to an angle.
     let error = through_the_follower(&[["driver:driver.speed", "vehicle:steer.front"]], "", "").unwrap_err();
-    assert!(error.contains("is in m/s, but its target `vehicle:steer.front` is in rad"), "{error}");
+    assert!(error.contains("is in m/s (1 m s^-1), but its target `vehicle:steer.front` is in rad (1 rad)"), "{error}");
     // The unit of its parameters is unknown.
     let error = through_the_follower(&steer, "", "{ value = 1.0, unit = \"deg\" }").unwrap_err();
     assert!(error.contains("`bias` has no unit of measure"), "{error}");
@@ -806,7 +806,7 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 7);
+    assert_eq!(json["format"], 8);
     assert_eq!(json["is_cut"], false);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];

@@ -37,11 +37,14 @@ class RealInputs(_Group):
         super().__init__(wires, bus)
         self.buffer = np.zeros(self.count)
         self.values = _pointer(self.buffer, ctypes.c_double)
+        self.conversions = [(i, w.conversion) for i, w in enumerate(wires) if w.conversion is not None]
 
     def load(self) -> None:
-        """Copy the values from the bus to the buffer."""
+        """Copy the values from the bus to the buffer, converted to the units of the inputs."""
         # Mode "clip" writes directly into the buffer; the slots are always valid.
         self.bus.take(self.slots, out=self.buffer, mode="clip")
+        for i, conversion in self.conversions:
+            self.buffer[i] = conversion.factor * self.buffer[i] + conversion.offset
 
 
 class RealOutputs(_Group):

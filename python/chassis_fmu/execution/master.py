@@ -446,12 +446,14 @@ class Slave:
     def derivatives(self, slot: int, slots: Sequence[int], time: float) -> list[tuple[int, float]]:
         """Return the derivatives of the outputs in `slots` with respect to the input signal in `slot`, with slots."""
         outputs = [w for w in of_type(self.component.outputs, "Real") if w.slot in slots]
-        inputs = [w.reference for w in of_type(self.component.inputs, "Real") if w.slot == slot]
+        wires = [w for w in of_type(self.component.inputs, "Real") if w.slot == slot]
+        inputs = [w.reference for w in wires]
         if not inputs:
             return []
         unknowns = (ctypes.c_uint * len(outputs))(*(w.reference for w in outputs))
         knowns = (ctypes.c_uint * len(inputs))(*inputs)
-        seed, result = (ctypes.c_double * len(inputs))(*[1.0] * len(inputs)), (ctypes.c_double * len(outputs))()
+        factors = [1.0 if w.conversion is None else w.conversion.factor for w in wires]
+        seed, result = (ctypes.c_double * len(inputs))(*factors), (ctypes.c_double * len(outputs))()
         arguments = (unknowns, len(outputs), knowns, len(inputs), seed, result)
         self.call("fmi2GetDirectionalDerivative", time, *arguments)
         return [(wire.slot, value) for wire, value in zip(outputs, result, strict=True)]

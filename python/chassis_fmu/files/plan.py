@@ -145,6 +145,14 @@ class Setting(_Part, frozen=True):
     value: Value
 
 
+class Linear(_Part, frozen=True):
+    """A conversion: factor * value + offset."""
+
+    factor: float
+    # Offset, in the unit of the result.
+    offset: float
+
+
 class Wire(_Part, frozen=True):
     """A variable and its place on the bus."""
 
@@ -156,6 +164,8 @@ class Wire(_Part, frozen=True):
     type: BaseType
     # Slot of the bus.
     slot: int
+    # For a Real input, how its value follows from the signal, if they are not the same.
+    conversion: Linear | None = None
 
 
 class ArrayElements(_Part, frozen=True):
@@ -590,6 +600,8 @@ class Connected(_Part, frozen=True):
     source: Origin
     # Type conversion in the connection, if any.
     type_change: TypeChange | None
+    # Conversion of units, with the factor and offset of the connection.
+    conversion: Linear | None
     # Time of the value, if it comes from an output.
     timing: Timing | None
 

@@ -2,6 +2,7 @@
 
 use super::xml::{Xml, document, element, empty};
 use super::{Component, STRUCTURE, System, number};
+use crate::run::Linear;
 use fmu_import::description::BaseType;
 use fmu_import::parameter_set::{COMMON, base_unit};
 use quick_xml::events::Event;
@@ -157,6 +158,12 @@ fn connections(xml: &mut Xml, system: &System) -> io::Result<()> {
             ("endElement", end),
             ("endConnector", input),
         ];
-        empty(xml, "ssd:Connection", &ends)
+        let Some(Linear { factor, offset }) = connection.conversion else { return empty(xml, "ssd:Connection", &ends) };
+        // The transformation contains the conversion of units.
+        let ends: Vec<_> = ends.into_iter().chain([("suppressUnitConversion", "true")]).collect();
+        let [factor, offset] = [factor, offset].map(number);
+        element(xml, "ssd:Connection", &ends, |xml| {
+            empty(xml, "ssc:LinearTransformation", &[("factor", &factor), ("offset", &offset)])
+        })
     })
 }

@@ -6,7 +6,7 @@ use crate::scenario::Component;
 use crate::steady;
 use fmu_import::description::{Causality, StructuralParameters, Variable};
 use fmu_import::names::{any_of, suggestion};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 impl<'a> Resolver<'a> {
@@ -59,6 +59,7 @@ impl<'a> Resolver<'a> {
                     found,
                     replaced,
                     inputs: Vec::new(),
+                    conversions: HashMap::new(),
                     clocks: Vec::new(),
                     dropped: false,
                 });

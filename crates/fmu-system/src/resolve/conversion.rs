@@ -2,6 +2,7 @@
 
 use super::system::CaseComponent;
 use crate::plan::TypeChange;
+use crate::run::Linear;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
 
 const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
@@ -9,27 +10,104 @@ const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 }
 /// An end of a connection: a component and one of its variables.
 pub(super) type Place<'a> = (&'a CaseComponent<'a>, &'a Variable);
 
-/// Checks that an output may write an input of the same name: same base type, same unit of measure where both have one.
-pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
-    from.1.mismatch(to.1).map_or(Ok(()), |[output_is, input_is]| Err(mismatch(from, to, &output_is, &input_is)))
+/// What a connection says about the conversion of its values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Written {
+    pub(super) factor: Option<f64>,
+    pub(super) offset: Option<f64>,
+    /// Convert units.
+    pub(super) convert: bool,
 }
 
-/// Checks that an explicit connection may join an output and an input: they are compatible, or one is Boolean and the
-/// other a Real without unit of measure. Masters convert as they do for any Boolean on the bus: true is 1, and above
-/// 0.5 is true.
-pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
-    if between(from.1, to.1).is_none() {
-        return compatible(from, to);
+impl Written {
+    /// A connection by name.
+    pub(super) const NONE: Self = Self { factor: None, offset: None, convert: true };
+}
+
+/// Returns how an input gets the value of an output, if not unchanged. By name, both must have the same base type. An
+/// explicit connection (`Some`) may also join a Boolean and a Real without unit: masters convert as they do for any
+/// Boolean on the bus; true is 1, and above 0.5 is true.
+///
+/// # Errors
+/// A message, and a hint.
+pub(super) fn conversion(
+    from: Place<'_>,
+    to: Place<'_>,
+    written: Option<Written>,
+) -> Result<Linear, (String, Option<String>)> {
+    let (factor, offset) = written.map_or((None, None), |written| (written.factor, written.offset));
+    let own = Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) };
+    if written.is_some() && between(from.1, to.1).is_some() {
+        let is_plain = |place: &Place<'_>| is_plain_number(place.0, place.1);
+        if let Some((_, variable)) = [from, to].iter().find(|place| !is_plain(place)) {
+            let unit = variable.unit.as_deref().unwrap_or_default();
+            let words = |variable: &Variable| match variable.base_type {
+                BaseType::Real => format!("in {unit}; only a Real without a unit converts to or from Boolean"),
+                other => other.to_string(),
+            };
+            return Err((mismatch(from, to, &words(from.1), &words(to.1)), None));
+        }
+    } else if let Some([output_is, input_is]) = from.1.mismatch_of_types(to.1) {
+        return Err((mismatch(from, to, &output_is, &input_is), narrowing(from.1, to.1)));
     }
-    let with_unit = [from, to].into_iter().find(|(member, variable)| !is_plain_number(member, variable));
-    with_unit.map_or(Ok(()), |(_, variable)| {
-        let unit = variable.unit.as_deref().unwrap_or_default();
-        let words = |variable: &Variable| match variable.base_type {
-            BaseType::Real => format!("in {unit}; only a Real without a unit converts to or from Boolean"),
-            other => other.to_string(),
+    if own != Linear::IDENTITY && [from, to].iter().any(|place| place.1.base_type != BaseType::Real) {
+        let words = |variable: &Variable| variable.base_type.to_string();
+        let message = mismatch(from, to, &words(from.1), &words(to.1));
+        return Err((format!("{message}; `factor` and `offset` are for connections of Reals"), None));
+    }
+    let of_units = match written {
+        Some(Written { convert: false, .. }) => Linear::IDENTITY,
+        _ => units(from, to, factor.is_some())?,
+    };
+    Ok(Linear { factor: own.factor * of_units.factor, offset: own.factor * of_units.offset + own.offset })
+}
+
+/// The conversion between the units of two ends. Base units of FMI: SI value = factor * value + offset. Differences
+/// (`relativeQuantity`) have no offset. With a factor of the connection, the exponents of rad may differ.
+fn units(from: Place<'_>, to: Place<'_>, has_factor: bool) -> Result<Linear, (String, Option<String>)> {
+    let (Some(output), Some(input)) = (&from.1.unit, &to.1.unit) else { return Ok(Linear::IDENTITY) };
+    let base = |place: Place<'_>, name: &str| place.0.found.description.unit(name).and_then(|unit| unit.base);
+    let (a, b) = (base(from, output), base(to, input));
+    if output == input && (a == b || a.is_none() || b.is_none()) {
+        return Ok(Linear::IDENTITY);
+    }
+    let error = |words: [String; 2], help: &str| Err((mismatch(from, to, &words[0], &words[1]), Some(help.to_owned())));
+    let words = || [(output, a), (input, b)].map(|(name, base)| definition(name, base));
+    const UNCHANGED: &str = "`convert = false` in the [[connection]] passes the number unchanged";
+    let (Some(a), Some(b)) = (a, b) else { return error(words(), UNCHANGED) };
+    // A unit whose definition depends on the FMU is a mistake in one of them.
+    if output == input || a.exponents != b.exponents {
+        let differs_in_angle = a.exponents[..7] == b.exponents[..7] && output != input;
+        return match differs_in_angle {
+            true if has_factor => Ok(Linear::IDENTITY),
+            true => error(words(), "a `factor` in the [[connection]] converts an angle to or from a pure number"),
+            false => error(words(), UNCHANGED),
         };
-        Err(mismatch(from, to, &words(from.1), &words(to.1)))
-    })
+    }
+    let factor = a.factor / b.factor;
+    match [from, to].map(|place| place.1.relative_quantity) {
+        [true, true] => Ok(Linear { factor, offset: 0.0 }),
+        [true, false] | [false, true] if a.offset != b.offset => {
+            let kind = |place: Place<'_>| if place.1.relative_quantity { "a difference" } else { "no difference" };
+            let words = [(from, output), (to, input)].map(|(place, unit)| format!("{} in {unit}", kind(place)));
+            error(words, UNCHANGED)
+        }
+        _ => Ok(Linear { factor, offset: (a.offset - b.offset) / b.factor }),
+    }
+}
+
+/// A unit with its definition: `in bar, 100000 kg m^-1 s^-2`.
+fn definition(name: &str, base: Option<BaseUnit>) -> String {
+    let Some(base) = base else { return format!("in {name}, which its FMU does not define") };
+    let names = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+    let power = |(name, exponent): (&&str, &i32)| match exponent {
+        0 => None,
+        1 => Some((*name).to_owned()),
+        _ => Some(format!("{name}^{exponent}")),
+    };
+    let powers: Vec<String> = names.iter().zip(&base.exponents).filter_map(power).collect();
+    let offset = if base.offset == 0.0 { String::new() } else { format!(" + {}", base.offset) };
+    format!("in {name} ({}{})", [base.factor.to_string(), powers.join(" ")].join(" ").trim(), offset)
 }
 
 /// Returns the conversion in a connection of these two variables, if their types differ.
@@ -42,7 +120,7 @@ pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange>
 }
 
 /// Help for a connection of two types of which the second does not have all values of the first.
-pub(super) fn narrowing(output: &Variable, input: &Variable) -> Option<String> {
+fn narrowing(output: &Variable, input: &Variable) -> Option<String> {
     let [from, to] = [output, input].map(|variable| variable.data_type);
     let is_narrowing = output.base_type == input.base_type && !from.widens_to(to);
     is_narrowing.then(|| {

@@ -189,7 +189,8 @@ impl<'a> Order<'a> {
         let components: BTreeSet<usize> = members().map(|output| output.component).collect();
         let has_derivatives = |component: &usize| {
             let interface = self.members[*component].found.description.co_simulation.as_ref();
-            interface.is_some_and(|interface| interface.provides_directional_derivative)
+            let has_elements = members().any(|output| output.variable.element.is_some());
+            !has_elements && interface.is_some_and(|interface| interface.provides_directional_derivative)
         };
         let cycle = self.cycle(&slots);
         let name =

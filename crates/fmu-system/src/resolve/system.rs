@@ -6,6 +6,7 @@ use super::pattern::{is_match, matches, split_pattern};
 use crate::parameter;
 use crate::plan;
 use crate::problem::{Collector, Context};
+use crate::run::Linear;
 use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, Clock, Value, Variable};
@@ -22,6 +23,8 @@ pub(super) struct CaseComponent<'a> {
     pub(super) replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with its source.
     pub(super) inputs: Vec<(usize, Source)>,
+    /// Conversions between outputs and the inputs that read them, by input.
+    pub(super) conversions: HashMap<usize, Linear>,
     /// Triggered input clocks, each with the component and the clock that activate it. Clocks are indices in the
     /// descriptions.
     pub(super) clocks: Vec<(usize, (usize, usize))>,

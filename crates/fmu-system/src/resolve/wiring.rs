@@ -1,12 +1,12 @@
 //! The wires of a case: the source of each input.
 
 use super::clocks::{ClockConnections, clock_wire};
-use super::conversion::{self, compatible, convertible, narrowing};
+use super::conversion::{self, Written, conversion};
 use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
-use crate::run::{self, Setting, Wire};
+use crate::run::{self, Linear, Setting, Wire};
 use crate::scenario::Connection;
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, Variable};
@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub(super) type End = Result<Option<(usize, usize)>, ()>;
 type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
 /// Outputs that connections name, by the input that they write. `Err`: a mistake was reported.
-type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
+type Connections = HashMap<(usize, usize), Result<((usize, usize), Linear), ()>>;
 
 /// How the FMU that a case sets for a component changes the source of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -88,7 +88,7 @@ impl<'a> Resolver<'a> {
         for (m, member) in system.members.iter().enumerate() {
             self.problems.set_context(Some(context(system.case, Some(member.component))));
             let constants = self.constants(system.case, member);
-            let mut inputs = Vec::new();
+            let (mut inputs, mut conversions) = (Vec::new(), HashMap::new());
             let mut missing = Vec::new();
             let mut elements = Vec::new();
             for (v, variable) in member.all(Causality::Input) {
@@ -102,7 +102,16 @@ impl<'a> Resolver<'a> {
                 }
                 let constant = constants.get(&v);
                 let explicit = connections.get(&(m, v)).copied();
-                let writer = self.writer(system, (m, v), explicit, &outputs, &mut lost);
+                let from = explicit.map(|explicit| explicit.map(|(from, _)| from));
+                let writer = self.writer(system, (m, v), from, &outputs, &mut lost);
+                if let Ok(Some(Source::Output(w, o))) = &writer {
+                    let by_name = || {
+                        let writer = &system.members[*w];
+                        conversion((writer, writer.variable(*o)), (member, variable), None).ok()
+                    };
+                    let linear = explicit.and_then(Result::ok).map(|(_, linear)| linear).or_else(by_name);
+                    conversions.extend(linear.filter(|linear| *linear != Linear::IDENTITY).map(|linear| (v, linear)));
+                }
                 match (writer, constant) {
                     (Ok(Some(Source::Output(from, _))), Some((_, span))) => self.problems.add(
                         span.clone(),
@@ -138,11 +147,11 @@ impl<'a> Resolver<'a> {
                     Some("connect them, or give them constants in `inputs`".to_string()),
                 );
             }
-            wired.push(inputs);
+            wired.push((inputs, conversions));
         }
         self.problems.set_context(None);
-        for (member, inputs) in system.members.iter_mut().zip(wired) {
-            member.inputs = inputs;
+        for (member, wired) in system.members.iter_mut().zip(wired) {
+            (member.inputs, member.conversions) = wired;
         }
         self.wire_clocks(system, &clocks);
         if self.inputs.is_some() {
@@ -264,8 +273,9 @@ impl<'a> Resolver<'a> {
             return self.use_column(column, of, input).map(Some);
         }
         // The ends of an explicit connection have been checked already.
+        let ends = ((writer, output), (member, input));
         if explicit.is_none()
-            && let Err(message) = compatible((writer, output), (member, input))
+            && let Err((message, help)) = conversion(ends.0, ends.1, None)
         {
             let explicit = || {
                 format!(
@@ -275,8 +285,7 @@ impl<'a> Resolver<'a> {
                     member.name()
                 )
             };
-            let help = convertible((writer, output), (member, input)).is_ok().then(explicit);
-            let help = help.or_else(|| narrowing(output, input));
+            let help = conversion(ends.0, ends.1, Some(Written::NONE)).is_ok().then(explicit).or(help);
             self.problems.add_with_help(member.component.name.span(), message, help);
             return Err(());
         }
@@ -325,7 +334,13 @@ impl<'a> Resolver<'a> {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
                     }
                 };
-                inputs.push(Connected { input: signal(member, *v), source, type_change, timing });
+                inputs.push(Connected {
+                    input: signal(member, *v),
+                    source,
+                    type_change,
+                    conversion: member.conversions.get(v).copied(),
+                    timing,
+                });
             }
             for (clock, (from, source)) in &member.clocks {
                 let of = |member: &CaseComponent<'_>, clock: usize| Signal {
@@ -333,7 +348,13 @@ impl<'a> Resolver<'a> {
                     variable: member.clock(clock).name.clone(),
                 };
                 let source = Origin::Output(of(&system.members[*from], *source));
-                inputs.push(Connected { input: of(member, *clock), source, type_change: None, timing: None });
+                inputs.push(Connected {
+                    input: of(member, *clock),
+                    source,
+                    type_change: None,
+                    conversion: None,
+                    timing: None,
+                });
             }
         }
         let unread = kept()
@@ -375,11 +396,17 @@ impl<'a> Resolver<'a> {
                 let member = &system.members[m];
                 (member, member.variable(v))
             };
-            if let Err(message) = convertible(ends(from), ends(to)) {
-                let help = narrowing(ends(from).1, ends(to).1);
+            let number = |written: &Option<Spanned<f64>>| written.as_ref().map(|value| *value.get_ref());
+            let written = Written {
+                factor: number(&connection.factor),
+                offset: number(&connection.offset),
+                convert: connection.convert != Some(false),
+            };
+            let linear = conversion(ends(from), ends(to), Some(written)).unwrap_or_else(|(message, help)| {
                 self.problems.add_with_help(connection.to.span(), message, help);
-            }
-            if connections.insert(to, Ok(from)).is_some() {
+                Linear::IDENTITY
+            });
+            if connections.insert(to, Ok((from, linear))).is_some() {
                 self.problems
                     .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
             }
@@ -423,7 +450,7 @@ impl<'a> Resolver<'a> {
             }
             all.extend(texts.into_iter().map(|text| {
                 let with = |end: &Spanned<String>| Spanned::new(end.span(), end.replace('*', text));
-                Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to) })
+                Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to), ..connection.clone() })
             }));
         }
         all
@@ -459,7 +486,7 @@ impl<'a> Resolver<'a> {
         }
         let of = |index: &String| {
             let with = |end: &Spanned<String>| Spanned::new(end.span(), format!("{}{index}", end.get_ref()));
-            Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to) })
+            Cow::Owned(Connection { from: with(&connection.from), to: with(&connection.to), ..(*connection).clone() })
         };
         from.iter().map(of).collect()
     }
@@ -587,7 +614,10 @@ impl<'a> Resolver<'a> {
                     match source {
                         Source::Constant(value) => constants.push(Setting::new(variable, value.clone())),
                         Source::Series(feed) => inputs.push(Wire::new(variable, feed_slots[feed])),
-                        Source::Output(m, o) => inputs.push(Wire::new(variable, output_slots[&(*m, *o)])),
+                        Source::Output(m, o) => inputs.push(Wire {
+                            conversion: member.conversions.get(v).copied(),
+                            ..Wire::new(variable, output_slots[&(*m, *o)])
+                        }),
                     }
                 }
                 run::Component {

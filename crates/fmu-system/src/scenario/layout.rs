@@ -185,6 +185,12 @@ pub(crate) struct Connection {
     pub(crate) from: Spanned<String>,
     /// Input, as `component:variable`; the same characters replace its `*`.
     pub(crate) to: Spanned<String>,
+    /// Factor of the value, after the conversion of units: 1 if absent.
+    pub(crate) factor: Option<Spanned<f64>>,
+    /// Offset of the value, after the factor, in the unit of the input: 0 if absent.
+    pub(crate) offset: Option<Spanned<f64>>,
+    /// False: units are not converted.
+    pub(crate) convert: Option<bool>,
 }
 
 /// A variant of the system.

@@ -85,14 +85,20 @@ impl Equations for System<'_> {
             let (rows, results): (Vec<usize>, Vec<Reference>) =
                 own.filter_map(|(slot, reference)| Some((place(slot)?, *reference))).unzip();
             for (column, unknown) in columns.iter_mut().zip(unknowns) {
-                let read = inputs.reals.slots.iter().zip(&inputs.reals.references);
-                let knowns: Vec<Reference> =
-                    read.filter(|(slot, _)| **slot == unknown.slot).map(|(_, reference)| *reference).collect();
+                let factor = |input: usize| {
+                    let own = inputs.reals.conversions.iter().find(|(i, _)| *i == input);
+                    own.map_or(1.0, |(_, conversion)| conversion.factor)
+                };
+                let read = inputs.reals.slots.iter().zip(&inputs.reals.references).enumerate();
+                let (knowns, seed): (Vec<Reference>, Vec<f64>) = read
+                    .filter(|(_, (slot, _))| **slot == unknown.slot)
+                    .map(|(input, (_, reference))| (*reference, factor(input)))
+                    .unzip();
                 if knowns.is_empty() {
                     continue;
                 }
                 let mut found = vec![0.0; rows.len()];
-                instance.get_directional_derivative(&results, &knowns, &vec![1.0; knowns.len()], &mut found)?;
+                instance.get_directional_derivative(&results, &knowns, &seed, &mut found)?;
                 for (row, value) in rows.iter().zip(found) {
                     column[*row] = value;
                 }
