@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from chassis_fmu.execution import __main__ as worker
-from chassis_fmu.execution import fmi3, master
+from chassis_fmu.execution import clocks, fmi3, master
 from chassis_fmu.execution.calls import Board
 from chassis_fmu.files import results
 from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Wire
@@ -35,6 +35,7 @@ class StandIn:
         self.reached: float | None = None
         self.functions: Any = self
         self.component = 1
+        self.clocks = clocks.Description()
 
     def free(self) -> None:
         self.freed = True
