@@ -203,7 +203,7 @@ pub fn resolve_text(
     resolver.find_patterns_of_inputs(&systems);
     for system in &mut systems {
         resolver.wire(system, source);
-        resolver.set_order(system, simulation.order);
+        resolver.set_order(system, simulation.order, options.order.or(scenario.simulation.order).is_some());
     }
     let columns = resolver.columns(&systems);
     resolver.check_size(&simulation, columns.len(), options)?;

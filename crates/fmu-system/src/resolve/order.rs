@@ -117,12 +117,12 @@ fn shortest(cycle: &[usize], wishes: &[Vec<usize>]) -> Vec<usize> {
 }
 
 impl Resolver<'_> {
-    /// Sets the order of the components of a case, and warns if connections carry values of another time although there
-    /// is an order in which they would not.
-    pub(super) fn set_order(&mut self, system: &mut System<'_>, order: run::Order) {
+    /// Sets the order of the components of a case. Unless somebody has chosen the order, warns if connections carry
+    /// values of another time although there is an order in which they would not.
+    pub(super) fn set_order(&mut self, system: &mut System<'_>, order: run::Order, is_chosen: bool) {
         system.order = (0..system.members.len()).filter(|m| !system.members[*m].dropped).collect();
         let now = system.misplaced(order);
-        if order != run::Order::Auto && now == 0 {
+        if order != run::Order::Auto && (is_chosen || now == 0) {
             return;
         }
         let (best, unsearched) = system.best_order();
