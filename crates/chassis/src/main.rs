@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod converge;
 mod export;
 mod fits;
 mod lab;

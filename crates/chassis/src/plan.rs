@@ -288,7 +288,13 @@ mod tests {
                 conversion: None,
                 timing: None,
             });
-        let wiring = Wiring { case: "only".into(), inputs: inputs.into(), unread: Vec::new(), loops: Vec::new() };
+        let wiring = Wiring {
+            case: "only".into(),
+            inputs: inputs.into(),
+            unread: Vec::new(),
+            loops: Vec::new(),
+            discrete: Vec::new(),
+        };
         let sources: Vec<String> = rows(&wiring).into_iter().map(|[.., source]| source).collect();
         assert_eq!(sources, ["<- law:command", "<- law:command (Real to Boolean: above 0.5)"]);
     }

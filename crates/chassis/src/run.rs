@@ -1,6 +1,7 @@
 //! `chassis run`: executes a scenario.
 
 use crate::arguments::Jobs;
+use crate::converge::{self, Converge};
 use crate::plan::print_warnings;
 use crate::python::{self, Python};
 use crate::selection::{Selection, find_steady_starts};
@@ -29,7 +30,7 @@ const SHOWN_MESSAGES: usize = 10;
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    selection: Selection,
+    pub(crate) selection: Selection,
 
     /// Master that executes the runs
     #[arg(long, default_value = "native")]
@@ -39,7 +40,7 @@ pub(crate) struct Arguments {
     ///
     /// The files go to OUT/SCENARIO.
     #[arg(long, value_name = "OUT", default_value = "results")]
-    out: PathBuf,
+    pub(crate) out: PathBuf,
 
     /// Make neither tables nor a page
     #[arg(long, conflicts_with_all = ["parquet", "from_csv"])]
@@ -58,7 +59,7 @@ pub(crate) struct Arguments {
     no_warnings: bool,
 
     #[command(flatten)]
-    jobs: Jobs,
+    pub(crate) jobs: Jobs,
 
     /// Exit with 0 even if a requirement is not met
     #[arg(long)]
@@ -68,12 +69,15 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
+    #[command(flatten)]
+    pub(crate) converge: Converge,
+
     /// Renamed
     #[arg(long, hide = true)]
     native: bool,
 
     #[command(flatten)]
-    workers: worker::Options,
+    pub(crate) workers: worker::Options,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
@@ -194,7 +198,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     if arguments.native {
         return Err(miette!("the native master is the default now, without `--native`; `--engine fmpy` chooses FMPy"));
     }
-    let python = arguments.python()?.filter(|_| !arguments.no_page);
+    let python = if arguments.converge.converge { None } else { arguments.python()?.filter(|_| !arguments.no_page) };
     let mut plan = if arguments.no_warnings {
         arguments.selection.plan()?
     } else {
@@ -207,6 +211,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         plan
     };
     let folder = arguments.out.join(&plan.name);
+    if arguments.converge.converge {
+        return converge::run(arguments, plan, &folder);
+    }
     let runs = folder.join("runs");
     if arguments.engine == Engine::Fmpy {
         // The native master finds the steady states itself.
@@ -349,7 +356,8 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     try_to_write(folder)?;
     remove_old(plan, folder)?;
-    let bar = progress_bar(plan)?;
+    let runs = u64::try_from(plan.runs.len()).into_diagnostic()?;
+    let bar = progress_bar(plan, runs * plan.simulation.steps)?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = arguments.jobs.count();
@@ -401,7 +409,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
 }
 
 /// Lists the messages of runs. A message that several runs share is listed once, with the names of these runs.
-fn grouped(failures: &[(String, String)]) -> String {
+pub(crate) fn grouped(failures: &[(String, String)]) -> String {
     let mut groups: Vec<(String, &str)> = Vec::new();
     for (run, message) in failures {
         // Each message begins with the name of the run.
@@ -415,7 +423,7 @@ fn grouped(failures: &[(String, String)]) -> String {
 }
 
 /// The reason why a run is incomplete, and the time of its last row.
-fn described(failure: &Failure) -> String {
+pub(crate) fn described(failure: &Failure) -> String {
     let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
     let rows = last.map_or("no rows were written".to_owned(), |time| format!("the rows end at {time} s"));
     let message = failure.to_string();
@@ -468,12 +476,11 @@ fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
 }
 
 /// A bar that counts steps, shown on a terminal only.
-fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
-    let runs = u64::try_from(plan.runs.len()).into_diagnostic()?;
+pub(crate) fn progress_bar(plan: &Plan, steps: u64) -> miette::Result<ProgressBar> {
     let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed} (ready in {eta})")
         .into_diagnostic()?
         .progress_chars("=> ");
-    let bar = ProgressBar::new(runs * plan.simulation.steps).with_style(style);
+    let bar = ProgressBar::new(steps).with_style(style);
     bar.set_message(plan.name.clone());
     bar.enable_steady_tick(Duration::from_millis(200));
     Ok(bar)

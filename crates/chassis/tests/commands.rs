@@ -171,6 +171,94 @@ fn a_scenario_is_planned_and_run() {
     assert!(result("status.json").unwrap().contains(r#""status": "failed""#));
 }
 
+/// Reference: the recurrence of two Euler integrators, x' = y and y' = -x, in sequence and at once. Both are exact.
+#[cfg(unix)]
+#[test]
+fn the_error_of_the_step_is_estimated() {
+    const RING: &str = "title = \"Ring\"\n[simulation]\nstop = 1.0\nstep = 0.1\n\
+        [[component]]\nname = \"position\"\nfmu = \"Position\"\nparameters = { start = 1.0 }\n\
+        [[component]]\nname = \"velocity\"\nfmu = \"Velocity\"\nparameters = { gain = -1.0 }\n\
+        [[case]]\nname = \"only\"\ntitle = \"Only\"\n[record]\nsignals = [\"x\"]\nevery = 5\n\
+        [[metric]]\nname = \"rms\"\ntitle = \"RMS\"\nsignal = \"x\"\nkind = \"rms\"\n";
+    let folder = folder(RING);
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    support::Build::new("Position", "y", "x").pack(&fmus);
+    support::Build::new("Velocity", "x", "y").pack(&fmus);
+    let rms = |n: u32, is_sequential: bool, every: u32| {
+        let (h, mut x, mut y) = (0.1 / f64::from(n), 1.0, 0.0);
+        let mut squares = vec![x * x];
+        for step in 1..=10 * n {
+            let before = x;
+            x += h * y;
+            y -= h * if is_sequential { x } else { before };
+            if step % every == 0 {
+                squares.push(x * x);
+            }
+        }
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    let call = |arguments: &[&str]| command(folder.path(), &[&["run", "ramp.toml", "--converge"], arguments].concat());
+    let output = call(&[]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let file = std::fs::read_to_string(folder.path().join("results/ramp/converge.json")).unwrap();
+    let written: serde_json::Value = serde_json::from_str(&file).unwrap();
+    assert_eq!(written["steps"], serde_json::json!([0.1, 0.05, 0.025]));
+    assert_eq!((&written["order"], &written["other_order"]), (&"sequential".into(), &"jacobi".into()));
+    let run = &written["runs"][0];
+    let metric = &run["metrics"][0];
+    let near = |found: &serde_json::Value, expected: f64| {
+        assert!((found.as_f64().unwrap() - expected).abs() < 1e-12, "{found}, expected {expected}");
+    };
+    let [m1, m2, m4] = [1, 2, 4].map(|n| rms(n, true, 5 * n));
+    for (found, expected) in metric["values"].as_array().unwrap().iter().zip([m1, m2, m4]) {
+        near(found, expected);
+    }
+    near(&metric["other_order"], rms(1, false, 5));
+    near(&metric["order_change"], (rms(1, false, 5) - m1) / m1);
+    near(&metric["recording"], (rms(4, true, 5) - m4) / m1);
+    near(&metric["order"], ((m1 - m2) / (m2 - m4)).log2());
+    assert_eq!((&metric["class"], &run["signals"][0][0]), (&"regular".into(), &"x".into()));
+    let printed = text(&output.stdout);
+    assert!(!printed.contains("matters"), "the other order changes less than the error: {printed}");
+    for part in ["h = 0.1 s", "regular", "as the step goes to 0 (order 1.01)", "recommended step: 0.02 s"] {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    assert!(!folder.path().join("results/ramp/runs").exists(), "other results stay as they are");
+
+    let output = call(&["--converge-fail"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        message(&output.stderr).contains("the error of the step is above 1 %: rms of run only"),
+        "{}",
+        text(&output.stderr)
+    );
+    let output = call(&["--converge-fail", "--limit", "50%"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(!text(&output.stdout).contains("recommended"), "{}", text(&output.stdout));
+
+    // A component that takes samples, but has no sample time, is another system with each step.
+    let sampled = RING.replace("name = \"velocity\"\n", "name = \"velocity\"\nkind = \"discrete\"\n");
+    std::fs::write(folder.path().join("ramp.toml"), sampled).unwrap();
+    let printed = text(&call(&["--sample-times"]).stdout);
+    let note = "`velocity` updates once per communication step: h, h/2 and h/4 are different systems";
+    assert!(printed.contains(note) && printed.contains("controllers' sample times"), "{printed}");
+
+    std::fs::write(folder.path().join("ramp.toml"), RING.replace("start = 1.0", "failure = 1")).unwrap();
+    let output = call(&[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message(&output.stderr).contains("4 runs failed"), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("rms is not defined with each step"), "{}", text(&output.stdout));
+    for (arguments, problem) in [
+        (&["--limit", "1"][..], "must be a percentage above 0, such as 1%"),
+        (&["--limit=-1%"], "must be a percentage above 0, such as 1%"),
+        (&["--engine", "fmpy"], "cannot be used with"),
+    ] {
+        let output = call(arguments);
+        assert!(message(&output.stderr).contains(problem), "{}", text(&output.stderr));
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn an_fmu_is_validated() {

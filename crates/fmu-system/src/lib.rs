@@ -6,7 +6,8 @@
 //!   another process, which may crash; [`fmus`] holds the FMUs of runs, [`results`] writes recordings, [`trial`] finds
 //!   parameters without an effect, [`steady`] finds the steady states in which components start, [`algebraic`] solves
 //!   algebraic loops,
-//! - [`batch`] reduces many runs with other values to the numbers of their metrics,
+//! - [`batch`] reduces many runs with other values to the numbers of their metrics, [`converge`] estimates the error of
+//!   the communication step,
 //! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the
 //!   numbers, [`requirements`] compares them with their limits, [`typography`] formats numbers and units,
 //! - [`data`] reads CSV files of any origin,
@@ -37,6 +38,7 @@ pub mod algebraic;
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod compat;
+pub mod converge;
 pub mod data;
 pub mod export;
 pub mod failure;

@@ -75,6 +75,9 @@ pub struct Wiring {
     pub unread: Vec<Signal>,
     /// Algebraic loops: signals that depend on each other at one time.
     pub loops: Vec<Loop>,
+    /// Names of the components that take samples.
+    #[serde(skip)]
+    pub discrete: Vec<String>,
 }
 
 /// An algebraic loop.

@@ -367,7 +367,14 @@ impl<'a> Resolver<'a> {
             })
             .map(|(_, v, member, _)| signal(member, v))
             .collect();
-        plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread, loops: super::start::loops(system) }
+        let discrete = kept().filter(|(_, member)| member.is_discrete());
+        plan::Wiring {
+            case: system.case.name.get_ref().clone(),
+            inputs,
+            unread,
+            loops: super::start::loops(system),
+            discrete: discrete.map(|(_, member)| member.name().to_owned()).collect(),
+        }
     }
 
     fn connections(&mut self, system: &System<'a>) -> (Connections, ClockConnections) {
