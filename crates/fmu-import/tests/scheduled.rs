@@ -64,6 +64,11 @@ fn steps_activate_partitions_at_their_times() {
             instance.do_step(time, step).unwrap();
             // A tick at the end of the step belongs to the next one.
             assert_eq!(integer(&mut instance, TICKS), ticks(time + step - 1e-9), "{step} s, {time} s");
+            // The output clock `third` ticks at each third tick of `every`: first at 1.25 s, then every 1.5 s.
+            let thirds = |before: f64| ((before - 1.25) / 1.5).ceil().max(0.0);
+            let mut has_ticked = [-1];
+            instance.get_boolean(&[THIRD], &mut has_ticked).unwrap();
+            assert_eq!(has_ticked[0] != 0, thirds(time + step - 1e-9) > thirds(time - 1e-9), "{step} s, {time} s");
         }
         assert!((real(&mut instance, TIME) - 7.75).abs() < 1e-9, "the time of the last activation");
     }

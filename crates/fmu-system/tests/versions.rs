@@ -262,7 +262,7 @@ fn a_component_with_scheduled_execution_only_is_stepped() {
     Decay { has_clocks: true, edits: &[(interface, "")], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
     let scenario = "title = \"Scheduled\"\n[simulation]\nstop = 1.5\nstep = 0.25\n[[component]]\nname = \"one\"\nfmu = \"Decay3\"\ninputs = { u = 1.0 }\n\
                     [[component]]\nname = \"two\"\nfmu = \"Decay3\"\ninputs = { u = 1.0 }\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n\
-                    [record]\nsignals = [\"one:ticks\"]\n";
+                    [record]\nsignals = [\"one:ticks\", \"one:third\"]\n";
     let plan = plan(&folder, scenario).unwrap();
     assert_eq!(plan.runs[0].components[0].model_identifier, "Decay");
     let never = "the clock `asked` of `one` is triggered and never ticks: no clock is connected to it";
@@ -277,3 +277,5 @@ fn a_component_with_scheduled_execution_only_is_stepped() {
     let rule = "is a Clock in scheduled execution, which cannot be connected";
     assert!(mistakes[0].contains(&format!("`one:third` {rule}, but its target `two:asked` {rule}")), "{mistakes:?}");
 }
+    // The output clock `third` ticks with the third tick of `every`.
+    assert_eq!(recording.column(1).unwrap(), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);

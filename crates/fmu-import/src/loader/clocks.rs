@@ -192,7 +192,7 @@ impl Clocks {
     }
 
     /// Sets whether an output clock has ticked in the last step.
-    fn mark(&mut self, clock: Reference, has_ticked: bool) {
+    pub(super) fn mark(&mut self, clock: Reference, has_ticked: bool) {
         if let Some([held]) = self.held.get_mut(&clock).map(Vec::as_mut_slice) {
             *held = Held::Other(Value::Boolean(has_ticked));
         }
@@ -526,11 +526,16 @@ impl Instance {
         if self.is_in_event() {
             return Err(self.failure(Function::DoStep, BROKEN));
         }
+        self.clear_ticks();
+        Ok(())
+    }
+
+    /// Before a step: no output clock has ticked in it.
+    pub(super) fn clear_ticks(&mut self) {
         let library = Arc::clone(self.library());
         if let Some(clocks) = &mut self.clocks {
             library.signature.output_clocks.iter().for_each(|(clock, _)| clocks.mark(*clock, false));
         }
-        Ok(())
     }
 
     /// Time of the next tick or time event in s, if it is after `now` and before `end` by more than rounding errors.

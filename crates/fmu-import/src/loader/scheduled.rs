@@ -130,6 +130,7 @@ impl Instance {
                 return Err(this.failure(function, CallProblem::Status(Status::from(status))));
             }
             this.advance_clocks(clocks, time, Some(&running.intervals))?;
+            running.fired.iter().for_each(|clock| clocks.mark(*clock, true));
             clocks.fired = running.fired;
             this.read_clocked(clocks)?;
             Ok(running.activation)
@@ -139,6 +140,7 @@ impl Instance {
     /// Activates the partitions that are due from `time` until before `time + step`, both in s.
     pub(super) fn step_partitions(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let (end, mut now) = (time + step, time);
+        self.clear_ticks();
         while now < end {
             let mut ticked = Vec::new();
             while let Some(&clock) = self.due_clocks(now, step).first() {
