@@ -168,6 +168,7 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
                 Causality::CalculatedParameter => {
                     Some("set the parameters from which it follows; `cargo fmu inspect` lists them".to_owned())
                 }
+                Causality::StructuralParameter => Some("set it in `structure` of the component".to_owned()),
                 _ => None,
             },
         }),

@@ -252,6 +252,31 @@ fn aliases_are_names() {
     assert!(plan(&folder, &twice).unwrap_err().join("\n").contains("both match `u`"));
 }
 
+/// Hints of mistakes: the folder of the other version of FMI, and the role of a name that is not an output.
+#[test]
+fn help_contains_the_other_folder_and_the_role_of_a_name() {
+    let root = TempDir::new().unwrap();
+    let [second, third] = ["fmu", "fmu3"].map(|name| root.path().join(name));
+    [&second, &third].iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
+    Decay { has_clocks: true, ..Decay::new(FmiVersion::V3) }.pack(&third);
+    let help = |folder: &Path, signal: &str| {
+        let scenario = format!(
+            "title = \"Clocks\"\n[simulation]\nstop = 1.0\nstep = 0.25\n[[component]]\nname = \"one\"\nfmu = \"Decay3\"\n\
+             inputs = {{ u = 1.0 }}\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n[record]\nsignals = [\"{signal}\"]\n"
+        );
+        let source = FmuFolder::new([folder]);
+        match resolve_text(Path::new("clocks.toml"), &scenario, &source, &Options::default()) {
+            Err(ResolveError::Problems(problems)) => {
+                miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string()
+            }
+            other => panic!("{other:?}"),
+        }
+    };
+    let place = third.display();
+    assert_eq!(help(&second, "one:ticks"), format!("add `--fmus {place}`, which contains Decay3.fmu"));
+    assert_eq!(help(&third, "one:every"), "`every` is an input Clock, not an output");
+}
+
 /// An FMU without co-simulation is stepped in scheduled execution, at the times in its description: `every` at 0.25 s
 /// and then every 0.5 s, `varying` 0.3 s and 1 s after each full second, `timer` at 1.25 s.
 #[test]
@@ -270,6 +295,8 @@ fn a_component_with_scheduled_execution_only_is_stepped() {
     let recording = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
     // A tick at the end of a step belongs to the next one.
     assert_eq!(recording.column(0).unwrap(), [0.0, 0.0, 2.0, 2.0, 3.0, 4.0, 7.0]);
+    // The output clock `third` ticks with the third tick of `every`.
+    assert_eq!(recording.column(1).unwrap(), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
 
     // Its clocks are those of the scheduler.
     let connected = format!("{scenario}[[connection]]\nfrom = \"one:third\"\nto = \"two:asked\"\n");
@@ -277,5 +304,3 @@ fn a_component_with_scheduled_execution_only_is_stepped() {
     let rule = "is a Clock in scheduled execution, which cannot be connected";
     assert!(mistakes[0].contains(&format!("`one:third` {rule}, but its target `two:asked` {rule}")), "{mistakes:?}");
 }
-    // The output clock `third` ticks with the third tick of `every`.
-    assert_eq!(recording.column(1).unwrap(), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);

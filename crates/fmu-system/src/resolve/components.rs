@@ -166,10 +166,14 @@ impl<'a> Resolver<'a> {
             match suggestion(name, all()) {
                 Some(hint) if names.len() == 1 => hints.push(hint),
                 Some(hint) => hints.push(format!("`{name}`: {hint}")),
-                None => elsewhere = true,
+                None => elsewhere |= source.beside(name).is_none(),
             }
         }
-        if !ours.is_empty() {
+        let beside = names.iter().find_map(|name| Some((name, source.beside(name)?)));
+        if let Some((name, folder)) = &beside {
+            hints.push(format!("add `--fmus {folder}`, which contains {name}.fmu"));
+        }
+        if ours.iter().any(|name| source.beside(name).is_none()) {
             hints.push(format!("`chassis pack {}` builds all FMUs that this scenario needs", self.problems.file()));
         }
         if elsewhere {

@@ -48,6 +48,11 @@ pub trait Descriptions {
         Vec::new()
     }
 
+    /// A folder beside those that were searched that contains this FMU, in another version of FMI.
+    fn beside(&self, _name: &str) -> Option<String> {
+        None
+    }
+
     /// Describes the place that was searched, for messages.
     fn place(&self) -> String;
 }
@@ -118,6 +123,18 @@ impl Descriptions for FmuFolder {
 
     fn buildable(&self) -> Vec<String> {
         (self.buildable)()
+    }
+
+    fn beside(&self, name: &str) -> Option<String> {
+        // The folders of `cargo fmu pack` for FMI 2.0 and 3.0.
+        let other = |folder: &PathBuf| match folder.file_name()?.to_str()? {
+            "fmu" => Some(folder.with_file_name("fmu3")),
+            "fmu3" => Some(folder.with_file_name("fmu")),
+            _ => None,
+        };
+        let file = format!("{name}.fmu");
+        let mut others = self.folders.iter().filter_map(other).filter(|folder| folder.join(&file).exists());
+        others.next().map(|folder| folder.to_string_lossy().into_owned())
     }
 
     fn place(&self) -> String {

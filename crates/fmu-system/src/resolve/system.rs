@@ -209,6 +209,15 @@ pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name
             text.name
         );
     }
+    for member in members() {
+        let description = &member.found.description;
+        if description.variables.iter().any(|v| v.name == name && v.causality == Causality::Local) {
+            return format!("`{name}` is a local variable, not an output");
+        }
+        if description.clocks.iter().any(|clock| clock.name == name && clock.causality == Causality::Input) {
+            return format!("`{name}` is an input Clock, not an output");
+        }
+    }
     if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
         return format!("did you mean `{other}:{name}`?");
     }

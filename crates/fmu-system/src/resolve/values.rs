@@ -154,7 +154,12 @@ impl Resolver<'_> {
             if list.len() != elements.len() || shape.is_none_or(|shape| shape.len() > 1 && shape != lengths) {
                 let of = lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ");
                 let message = format!("`{}` is an array of {of} elements, got a list of {}", **name, list.len());
+                let mut others = description.variables.iter().map(|variable| variable.causality);
+                let has_lengths = others.any(|causality| causality == Causality::StructuralParameter);
                 let help = match lengths.len() {
+                    1 if has_lengths => {
+                        format!("write a list of {of} values, or set another length in `structure` of the component")
+                    }
                     1 => format!("write a list of {of} values"),
                     _ => format!("write {} values row by row, or a list with a list for each row", elements.len()),
                 };

@@ -113,14 +113,23 @@ impl<'a> Resolver<'a> {
                     conversions.extend(linear.filter(|linear| *linear != Linear::IDENTITY).map(|linear| (v, linear)));
                 }
                 match (writer, constant) {
-                    (Ok(Some(Source::Output(from, _))), Some((_, span))) => self.problems.add(
-                        span.clone(),
-                        format!(
+                    (Ok(Some(Source::Output(from, o))), Some((_, span))) => {
+                        let writer = &system.members[from];
+                        let message = format!(
                             "the input `{}` has this constant but is written by `{}`",
                             variable.name,
-                            system.members[from].name()
-                        ),
-                    ),
+                            writer.name()
+                        );
+                        let help = match explicit {
+                            Some(_) => "remove the constant or the [[connection]]".to_owned(),
+                            None => format!(
+                                "remove the constant: `{}:{}` is connected by its name",
+                                writer.name(),
+                                writer.variable(o).name
+                            ),
+                        };
+                        self.problems.add_with_help(span.clone(), message, Some(help));
+                    }
                     (Ok(Some(source)), _) => inputs.push((v, source)),
                     (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
                     // The invalid constant has been reported.
