@@ -234,7 +234,8 @@ fn show_terminal(terminal: &Terminal, indent: usize) {
     terminals.iter().for_each(|terminal| show_terminal(terminal, indent + 2));
 }
 
-/// The description, with the properties that only FMI 3.0 has in brackets: type, content of a Binary, other name.
+/// The description, with the properties that only FMI 3.0 has in brackets: type, content of a Binary, other name,
+/// clocks.
 fn described(description: &ModelDescription, variable: &Variable) -> String {
     use DataType::{Binary, Boolean, Enumeration, Float64, Int32, String as Text};
     let mut properties = Vec::new();
@@ -247,6 +248,11 @@ fn described(description: &ModelDescription, variable: &Variable) -> String {
     if variable.data_type == Binary {
         properties.push(variable.mime_type().to_owned());
         properties.extend(variable.max_size.map(|size| format!("at most {size} bytes")));
+    }
+    if !variable.clocks.is_empty() {
+        let of = |clock: &&Clock| variable.clocks.contains(&clock.reference);
+        let names: Vec<_> = description.clocks.iter().filter(of).map(|clock| format!("`{}`", clock.name)).collect();
+        properties.push(format!("{} {}", if names.len() == 1 { "clock" } else { "clocks" }, names.join(", ")));
     }
     let text = variable.description.clone().unwrap_or_default();
     match properties.is_empty() {

@@ -31,7 +31,7 @@ fn properties_that_only_fmi_3_has_are_listed() {
     let sum = sum.lines().next().unwrap();
     let others = sum.replace("/>", "><Alias name=\"total\" description=\"Sum\"/></Int64>")
         + "\n    <Binary name=\"image\" valueReference=\"90\" causality=\"input\" mimeType=\"image/png\" maxSize=\"8\">\
-           <Start value=\"00ff\"/></Binary>\n    <Binary name=\"raw\" valueReference=\"91\" causality=\"input\">\
+           <Start value=\"00ff\"/></Binary>\n    <Binary name=\"raw\" valueReference=\"91\" causality=\"input\" clocks=\"92\">\
            <Start value=\"\"/></Binary>\n    <Clock name=\"tick\" valueReference=\"92\" intervalVariability=\"constant\"/>";
     let terminals = "<Terminals><Terminal name=\"port\" matchingRule=\"plug\" terminalKind=\"org.example.k\" description=\"A port\">\
                      <TerminalMemberVariable variableName=\"port.u\" memberName=\"u\" variableKind=\"inflow\"/>\
@@ -44,7 +44,7 @@ fn properties_that_only_fmi_3_has_are_listed() {
         "  total      Sum [alias of `sum`, Int64]\n",
         "  wide               7      [UInt64]\n",
         "  image  0x00ff   [Binary, image/png, at most 8 bytes]\n",
-        "  raw        0x   [Binary, application/octet-stream]\n",
+        "  raw        0x   [Binary, application/octet-stream, clock `tick`]\n",
         "\nClocks (1)\n  tick",
         "\nTerminals (1)\n  port (plug, org.example.k)  A port\n    u = port.u [inflow]\n    bus (bus)\n      y\n",
     ] {
