@@ -166,7 +166,7 @@ fn order(plan: &Plan) -> Vec<&str> {
     found
 }
 
-/// Name and FMU of every component, and the number of its parameters that are set.
+/// Name and FMU of every component, the version of FMI, and the number of parameters that the scenario sets.
 fn components(plan: &Plan) -> Vec<String> {
     let mut rows: Vec<[String; 3]> = Vec::new();
     for component in plan.runs.iter().flat_map(|run| &run.components) {
@@ -174,7 +174,8 @@ fn components(plan: &Plan) -> Vec<String> {
             .file_stem()
             .map_or(String::new(), |s| s.to_string_lossy().into_owned());
         let steady = if component.steady.is_some() { ", starts in a steady state" } else { "" };
-        let parameters = format!("{} set{steady}", counted(component.parameters.len(), "parameter"));
+        let set = counted(component.parameters.len(), "parameter");
+        let parameters = format!("FMI {}, sets {set}{steady}", component.fmi);
         let row = [component.name.clone(), fmu, parameters];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),

@@ -138,7 +138,7 @@ fn a_scenario_is_planned_and_run() {
         text(&output.stdout),
         "Ramp\nramp.toml: 2 cases = 2 runs, each from 0 s to 0.5 s in 2 steps of 0.25 s, sequential\n\
          1 signal recorded every step, 0 metrics, 0 figures\n\n\
-         Components in order of execution\n  ramp  Ramp  0 parameters set\n\n\
+         Components in order of execution\n  ramp  Ramp  FMI 2.0, sets 0 parameters\n\n\
          Wiring, case steep\n  ramp  u  <- constant 2\n\n\
          Outputs that nothing reads, case steep\n  ramp: count, moved\n"
     );
