@@ -160,6 +160,14 @@ class FmpyInstance:
             )
         except Exception as error:  # fmpy raises bare Exceptions here
             raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
+        description = read_model_description(str(folder), validate=False) if is_new else None
+        if description and description.coSimulation is None:
+            raise RunError(
+                component.name,
+                "fmi3InstantiateCoSimulation",
+                None,
+                "only the native master runs an FMU without co-simulation: leave out --engine fmpy",
+            )
         try:
             if is_new:
                 logger = self._logger_of(component.name)
@@ -171,8 +179,8 @@ class FmpyInstance:
             raise RunError(component.name, function, None, str(error), _log.get(component.name, ())) from error
         self.component = self._slave.component
         self.functions: Any = self._slave.dll
-        if is_new:
-            variables = read_model_description(str(folder), validate=False).modelVariables
+        if description:
+            variables = description.modelVariables
             references = {variable.name: variable.valueReference for variable in variables}
             types = {variable.valueReference: str(variable.type) for variable in variables}
             structure = component.structure or {}
