@@ -75,18 +75,12 @@ fn defects_of_clocks_are_found() {
             "every",
             "has no interval or shift in Initialization Mode: fmi3GetIntervalDecimal returned fmi3Error",
         ),
-        // Qualifiers, by the table of section 2.2.8.5.
+        // Qualifiers, by section 2.2.8.
         (
             "QUALIFIER=0",
             both,
             "every",
             "has an interval whose qualifier is 0 (not yet known), which only countdown clocks may have",
-        ),
-        (
-            "QUALIFIER=2",
-            both,
-            "every",
-            "has an interval whose qualifier is 2 (changed), although the description contains the interval",
         ),
         ("QUALIFIER=7", both, "every", "has an interval whose qualifier is not 0, 1 or 2"),
         (

@@ -36,13 +36,12 @@ fn wrong(clock: &Clock, message: impl Into<String>) -> Finding {
     Finding::error(format!("clock `{}`", clock.name), message)
 }
 
-/// The rule that a qualifier of an interval violates (FMI 3.0.2, section 2.2.8.5, table of allowed qualifiers).
+/// The rule that a qualifier of an interval violates (FMI 3.0.2, section 2.2.8, on `qualifiers`).
 fn wrong_qualifier(clock: &Clock, asked: &AskedInterval) -> Option<Finding> {
     let is_declared = clock.interval.is_some();
     let problem = match asked.qualifier {
         0 if clock.interval_variability != Kind::Countdown => "0 (not yet known), which only countdown clocks may have",
         1 if !is_declared && !asked.was_pending => "1 (unchanged), although no earlier interval is still valid",
-        2 if is_declared => "2 (changed), although the description contains the interval",
         0..=2 => return None,
         _ => "not 0, 1 or 2",
     };
