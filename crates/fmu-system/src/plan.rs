@@ -87,7 +87,7 @@ pub struct Loop {
     pub at_start: bool,
     /// Its signals: `a:y -> b:u -> b:y -> a:u`.
     pub path: String,
-    /// Its connections whose values are held over a step in sequential order, each as `b:y -> a:u`.
+    /// Its connections whose values are held over a step, each as `b:y -> a:u`.
     pub held: Vec<String>,
 }
 

@@ -192,6 +192,8 @@ fn the_plan_names_loops_and_the_connection_that_breaks_them() {
     let path = "c:c -> a:c -> a:a -> b:a -> b:b -> c:b";
     let of = |at_start| Loop { at_start, path: path.into(), held: vec!["b:b -> c:b".into()] };
     assert_eq!(auto.wiring[0].loops, [of(true), of(false)]);
+    let jacobi = plan_in(&folder, "jacobi", &components, &[], "\"a\"");
+    assert_eq!(jacobi.wiring[0].loops[1].held, ["c:c -> a:c", "a:a -> b:a", "b:b -> c:b"]);
     // x = x / 8 + 1.75.
     assert!((start(&auto).unwrap()[0] - 2.0).abs() < 1e-8);
 }

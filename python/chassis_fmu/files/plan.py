@@ -613,7 +613,7 @@ class Loop(_Part, frozen=True):
     at_start: bool
     # Its signals: `a:y -> b:u -> b:y -> a:u`.
     path: str
-    # Its connections whose values are held over a step in sequential order, each as `b:y -> a:u`.
+    # Its connections whose values are held over a step, each as `b:y -> a:u`.
     held: tuple[str, ...]
 
 

@@ -3,7 +3,7 @@
 
 use super::system::{CaseComponent, Source, System};
 use crate::plan;
-use crate::run::{AlgebraicLoop, Evaluation, Unknown};
+use crate::run::{self, AlgebraicLoop, Evaluation, Unknown};
 use fmu_import::description::{BaseType, FmiVersion, Initial, Value, Variable};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -61,16 +61,24 @@ pub(super) fn evaluations(system: &System<'_>, slots: &BTreeMap<(usize, usize), 
 }
 
 /// The algebraic loops of a case: at the start, and those that the order of the components breaks in each step.
-pub(super) fn loops(system: &System<'_>) -> Vec<plan::Loop> {
+pub(super) fn loops(system: &System<'_>, order: run::Order) -> Vec<plan::Loop> {
     let read = system.order.iter().flat_map(|m| &system.members[*m].inputs).filter_map(|(_, source)| match source {
         Source::Output(m, v) => Some((*m, *v)),
         _ => None,
     });
     let read: BTreeSet<(usize, usize)> = read.collect();
     let slots = read.into_iter().zip(0..).collect();
-    let found = |at_start, order: Order<'_>| {
-        let loops = order.find().into_iter().filter_map(|(evaluation, held)| Some((evaluation.equations?.path, held)));
-        loops.map(|(path, held)| plan::Loop { at_start, path, held }).collect::<Vec<_>>()
+    let connections = |path: &str| {
+        let ends: Vec<&str> = path.split(" -> ").collect();
+        ends.chunks(2).map(|ends| ends.join(" -> ")).collect()
+    };
+    let found = |at_start, graph: Order<'_>| {
+        let loops = graph.find().into_iter().filter_map(|(evaluation, held)| {
+            let path = evaluation.equations?.path;
+            let held = if order == run::Order::Jacobi { connections(&path) } else { held };
+            Some(plan::Loop { at_start, path, held })
+        });
+        loops.collect::<Vec<_>>()
     };
     let mut all = found(true, Order::new(system, &slots, initial_dependencies));
     all.append(&mut found(false, Order::new(system, &slots, dependencies)));

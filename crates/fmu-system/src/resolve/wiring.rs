@@ -381,7 +381,7 @@ impl<'a> Resolver<'a> {
             case: system.case.name.get_ref().clone(),
             inputs,
             unread,
-            loops: super::start::loops(system),
+            loops: super::start::loops(system, order),
             discrete: discrete.map(|(_, member)| member.name().to_owned()).collect(),
         }
     }
