@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Largest residual of a solution, relative to the larger one of value and nominal value.
 const TOLERANCE: f64 = 1e-9;
-/// Largest condition number of a Jacobian that is not called singular: from derivatives, and from differences, whose
-/// rounding errors are about 1e-10.
+/// Maximum condition number of a Jacobian from derivatives, and of one from differences, whose rounding errors are about
+/// 1e-10. Above it, the Jacobian is singular.
 const MAX_CONDITION: [f64; 2] = [1e12, 1e10];
 /// Step of central differences, relative to the larger one of value and nominal value.
 const DIFFERENCE: f64 = 1e-6;
@@ -56,7 +56,7 @@ pub enum Unsolved<E> {
 /// halved until the residual falls. `nominal` has the magnitudes of the unknowns, above 0.
 ///
 /// # Errors
-/// There is no solution nearby, the Jacobian is singular, or the equations cannot be evaluated.
+/// The iteration does not converge, the Jacobian is singular, or the equations cannot be evaluated.
 pub fn solve<S: Equations>(equations: &mut S, start: &[f64], nominal: &[f64]) -> Result<Vec<f64>, Unsolved<S::Error>> {
     let scale = |z: &[f64], i: usize| z[i].abs().max(nominal[i]);
     let largest = |g: &[f64], z: &[f64], scale: &dyn Fn(usize) -> f64| {

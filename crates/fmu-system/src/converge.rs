@@ -203,7 +203,7 @@ impl<'p> Graph<'p> {
         self.plants().any(|(plant, _)| seen.contains(plant)) && self.plants().any(is_beside)
     }
 
-    /// What the sample times mean for a step.
+    /// Explains for each component whether its sample time limits the effect of the step.
     fn notes(&self, step: f64, metrics: &[MetricReport]) -> Vec<String> {
         let is_longer = |time: f64| step > time * (1.0 + 1e-9);
         let note = |(name, time): (&&str, &Option<f64>)| match time {
@@ -284,7 +284,7 @@ pub struct RunReport {
     metrics: Vec<MetricReport>,
     signals: Vec<(String, Difference)>,
     sample_times: BTreeMap<String, Option<f64>>,
-    /// What the sample times mean for the step.
+    /// Effects of the sample times on the results, one sentence each.
     pub notes: Vec<String>,
 }
 

@@ -170,7 +170,7 @@ fn the_plan_classifies_the_times_of_connections() {
     let auto = plan_in(&folder, "auto", &components, &[], "\"speed\"");
     assert_eq!(names(&auto), ["samples", "drive", "plant"]);
     assert!(timings(&auto).iter().all(|(_, timing)| *timing == OnTime) && auto.warnings.is_empty());
-    // Nothing is wrong, or somebody has chosen the order: nothing is said.
+    // No warning if nothing is wrong, or if the scenario states the order.
     let mut reversed = components;
     reversed.reverse();
     for (order, components) in [("", reversed), ("sequential", components)] {

@@ -132,7 +132,7 @@ fn other_units_are_rejected_with_their_definitions() {
             "K",
             [true, false],
             None,
-            "is a difference in degC, but its target `sink:signal` is no difference in K",
+            "is a difference in degC, but its target `sink:signal` is not a difference in K",
             "",
         ),
     ] {

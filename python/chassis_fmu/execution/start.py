@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..files.plan import AlgebraicLoop
     from .master import Slave
 
-# Most rounds until signals that are not Real stop to change.
+# Maximum number of rounds until the signals that are not Real no longer change.
 ROUNDS = 10
 
 

@@ -172,7 +172,7 @@ impl Trial<'_> {
                 self.read_outputs(&mut instance, &mut run.outputs)?;
                 probe(&mut instance, activation)?;
                 let is_needed_again = self.is_scheduled() || instance.update(time)?;
-                self.judge(&instance, activation, &mut run.findings);
+                self.check_ticks(&instance, activation, &mut run.findings);
                 if !is_needed_again && instance.due_clocks(time, self.step).is_empty() {
                     instance.end_event()?;
                     break;
@@ -194,7 +194,7 @@ impl Trial<'_> {
     }
 
     /// Checks the last ticks of a run: qualifiers and locks.
-    fn judge(&self, instance: &Instance, activation: Activation, findings: &mut Vec<Finding>) {
+    fn check_ticks(&self, instance: &Instance, activation: Activation, findings: &mut Vec<Finding>) {
         let clock = |asked: &AskedInterval| self.description.clocks.iter().find(|clock| clock.reference == asked.clock);
         let qualifiers = instance.asked_intervals().iter().filter_map(|asked| wrong_qualifier(clock(asked)?, asked));
         let message = "does not call lockPreemption and unlockPreemption equally often";

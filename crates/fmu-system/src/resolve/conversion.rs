@@ -10,7 +10,7 @@ const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 }
 /// An end of a connection: a component and one of its variables.
 pub(super) type Place<'a> = (&'a CaseComponent<'a>, &'a Variable);
 
-/// What a connection says about the conversion of its values.
+/// Keys of a connection that convert its values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Written {
     pub(super) factor: Option<f64>,
@@ -88,7 +88,7 @@ fn units(from: Place<'_>, to: Place<'_>, has_factor: bool) -> Result<Linear, (St
     match [from, to].map(|place| place.1.relative_quantity) {
         [true, true] => Ok(Linear { factor, offset: 0.0 }),
         [true, false] | [false, true] if a.offset != b.offset => {
-            let kind = |place: Place<'_>| if place.1.relative_quantity { "a difference" } else { "no difference" };
+            let kind = |place: Place<'_>| if place.1.relative_quantity { "a difference" } else { "not a difference" };
             let words = [(from, output), (to, input)].map(|(place, unit)| format!("{} in {unit}", kind(place)));
             error(words, UNCHANGED)
         }

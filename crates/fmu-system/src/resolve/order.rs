@@ -10,7 +10,7 @@ use fmu_import::description::{BaseType, Causality, Variability};
 const MAX_CYCLE: usize = 12;
 
 impl CaseComponent<'_> {
-    /// Returns true if the component takes samples: all its outputs are discrete, unless the scenario says otherwise.
+    /// Returns true if the component takes samples: all its outputs are discrete, unless the scenario declares its kind.
     pub(super) fn is_discrete(&self) -> bool {
         let is_sampled = |v: &fmu_import::description::Variable| {
             v.base_type != BaseType::Real || v.variability == Variability::Discrete

@@ -7,7 +7,7 @@ use crate::run::AlgebraicLoop;
 use fmu_import::c_api::Reference;
 use fmu_import::loader::CallError;
 
-/// Most rounds until signals that are not Real stop to change.
+/// Maximum number of rounds until the signals that are not Real no longer change.
 const ROUNDS: usize = 10;
 
 /// Sets the inputs of components, then reads their outputs.
