@@ -26,6 +26,14 @@ struct Reader<'a> {
     slot: usize,
 }
 
+/// A connection in a loop.
+struct Connection {
+    /// Output and input.
+    ends: [String; 2],
+    /// True if the writer comes before the reader.
+    is_forward: bool,
+}
+
 /// The inputs on which an output depends in Initialization Mode; `None`: all of them. Without an entry in the model
 /// structure, the value is the start value, except in FMI 2.0 without any entry, where outputs that are not exact depend
 /// on the same inputs as later.
@@ -57,7 +65,7 @@ fn dependencies<'a>(member: &'a CaseComponent<'_>, output: usize) -> Option<&'a 
 
 /// Returns the evaluations of a case in their order. `slots` has the slots of the outputs.
 pub(super) fn evaluations(system: &System<'_>, slots: &BTreeMap<(usize, usize), usize>) -> Vec<Evaluation> {
-    Order::new(system, slots, initial_dependencies).find().into_iter().map(|(evaluation, _)| evaluation).collect()
+    Graph::new(system, slots, initial_dependencies).find().into_iter().map(|(evaluation, _)| evaluation).collect()
 }
 
 /// The algebraic loops of a case: at the start, and those that the order of the components breaks in each step.
@@ -68,24 +76,20 @@ pub(super) fn loops(system: &System<'_>, order: run::Order) -> Vec<plan::Loop> {
     });
     let read: BTreeSet<(usize, usize)> = read.collect();
     let slots = read.into_iter().zip(0..).collect();
-    let connections = |path: &str| {
-        let ends: Vec<&str> = path.split(" -> ").collect();
-        ends.chunks(2).map(|ends| ends.join(" -> ")).collect()
-    };
-    let found = |at_start, graph: Order<'_>| {
-        let loops = graph.find().into_iter().filter_map(|(evaluation, held)| {
-            let path = evaluation.equations?.path;
-            let held = if order == run::Order::Jacobi { connections(&path) } else { held };
-            Some(plan::Loop { at_start, path, held })
+    let found = |at_start, graph: Graph<'_>| {
+        let loops = graph.find().into_iter().filter_map(|(evaluation, cycle)| {
+            let is_held = |connection: &&Connection| order == run::Order::Jacobi || !connection.is_forward;
+            let held = cycle.iter().filter(is_held).map(|connection| connection.ends.join(" -> ")).collect();
+            Some(plan::Loop { at_start, path: evaluation.equations?.path, held })
         });
         loops.collect::<Vec<_>>()
     };
-    let mut all = found(true, Order::new(system, &slots, initial_dependencies));
-    all.append(&mut found(false, Order::new(system, &slots, dependencies)));
+    let mut all = found(true, Graph::new(system, &slots, initial_dependencies));
+    all.append(&mut found(false, Graph::new(system, &slots, dependencies)));
     all
 }
 
-struct Order<'a> {
+struct Graph<'a> {
     members: Vec<&'a CaseComponent<'a>>,
     /// In the order of their slots.
     outputs: Vec<Output<'a>>,
@@ -94,7 +98,7 @@ struct Order<'a> {
     known: BTreeSet<usize>,
 }
 
-impl<'a> Order<'a> {
+impl<'a> Graph<'a> {
     fn new(
         system: &'a System<'_>,
         slots: &BTreeMap<(usize, usize), usize>,
@@ -126,23 +130,20 @@ impl<'a> Order<'a> {
         Self { members, outputs, readers, known: BTreeSet::new() }
     }
 
-    /// The evaluations in their order; for loops, also the connections whose reader comes before the writer.
-    fn find(mut self) -> Vec<(Evaluation, Vec<String>)> {
+    /// The evaluations in their order; for loops, also a cycle of connections.
+    fn find(mut self) -> Vec<(Evaluation, Vec<Connection>)> {
         self.known = self.outputs.iter().filter(|output| !output.has_inputs).map(|output| output.slot).collect();
         let mut open: Vec<usize> = (0..self.members.len()).collect();
         let mut evaluations = Vec::new();
         while !open.is_empty() {
             let is_ready = |c: &usize| self.readers.iter().all(|r| r.component != *c || self.known.contains(&r.slot));
-            if let Some(at) = open.iter().position(is_ready) {
-                let component = open.remove(at);
-                self.evaluate(component);
-                evaluations.push((Evaluation::of(component), Vec::new()));
-            } else if let Some(component) = open.iter().copied().find(|c| self.news(*c).next().is_some()) {
-                self.evaluate(component);
-                evaluations.push((Evaluation::of(component), Vec::new()));
-            } else {
-                evaluations.push(self.solve());
-            }
+            let ready = open.iter().position(is_ready).map(|at| open.remove(at));
+            let next = ready.or_else(|| open.iter().copied().find(|component| self.news(*component).next().is_some()));
+            // Otherwise, each unknown signal depends on another one, so there is a cycle.
+            evaluations.push(match next {
+                Some(component) => self.evaluate(component),
+                None => self.solve(),
+            });
         }
         evaluations
     }
@@ -153,9 +154,10 @@ impl<'a> Order<'a> {
         own.filter(|o| !self.known.contains(&o.slot) && o.needs.is_subset(&self.known)).map(|output| output.slot)
     }
 
-    fn evaluate(&mut self, component: usize) {
+    fn evaluate(&mut self, component: usize) -> (Evaluation, Vec<Connection>) {
         let news: Vec<usize> = self.news(component).collect();
         self.known.extend(news);
+        (Evaluation::of(component), Vec::new())
     }
 
     fn needs(&self, slot: usize) -> &BTreeSet<usize> {
@@ -174,7 +176,7 @@ impl<'a> Order<'a> {
     }
 
     /// The first algebraic loop on which no other loop has an effect. Its signals are known from now on.
-    fn solve(&mut self) -> (Evaluation, Vec<String>) {
+    fn solve(&mut self) -> (Evaluation, Vec<Connection>) {
         let unknown = || self.outputs.iter().filter(|output| !self.known.contains(&output.slot));
         // A signal of a loop depends on itself; in the first loop, all signals depend on each other.
         let is_first = |slots: &BTreeSet<usize>| slots.iter().all(|slot| self.behind(*slot) == *slots);
@@ -200,15 +202,14 @@ impl<'a> Order<'a> {
             let has_elements = members().any(|output| output.variable.element.is_some());
             !has_elements && interface.is_some_and(|interface| interface.provides_directional_derivative)
         };
-        let cycle = self.cycle(&slots);
         let name =
             |component: usize, variable: &Variable| format!("{}:{}", self.members[component].name(), variable.name);
-        let ends = |(from, to): &(&Output<'_>, &Reader<'_>)| {
-            [name(from.component, from.variable), name(to.component, to.variable)]
+        let connection = |(from, to): (&Output<'_>, &Reader<'_>)| Connection {
+            ends: [name(from.component, from.variable), name(to.component, to.variable)],
+            is_forward: from.component < to.component,
         };
-        let names: Vec<String> = cycle.iter().flat_map(ends).collect();
-        let held = cycle.iter().filter(|(from, to)| from.component >= to.component);
-        let held = held.map(|wire| ends(wire).join(" -> ")).collect();
+        let cycle: Vec<Connection> = self.cycle(&slots).into_iter().map(connection).collect();
+        let path: Vec<&str> = cycle.iter().flat_map(|connection| &connection.ends).map(String::as_str).collect();
         let equations = AlgebraicLoop {
             unknowns: members()
                 .filter(is_real)
@@ -220,11 +221,11 @@ impl<'a> Order<'a> {
                 .collect(),
             held: members().filter(|output| !is_real(output)).map(|output| output.slot).collect(),
             has_derivatives: components.iter().all(has_derivatives),
-            path: names.join(" -> "),
+            path: path.join(" -> "),
         };
         let evaluation = Evaluation { components: components.into_iter().collect(), equations: Some(equations) };
         self.known.extend(slots);
-        (evaluation, held)
+        (evaluation, cycle)
     }
 
     /// A cycle of connections through a loop, beginning with its first signal.

@@ -117,9 +117,10 @@ pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Com
 }
 
 /// fmi3InstantiateCoSimulation. `event_mode` requires a model with events. With both `event_mode` and `early_return`, a
-/// step ends at the first event, which the importer then handles; otherwise, the step itself handles its events. A step also
-/// ends where the model ends the simulation. With `update`, each step of a continuous-time model calls it after each integrator step; it may use the variables of
-/// `intermediate_variables`, which must have the attribute `intermediateUpdate`.
+/// step ends at the first event, which the importer then handles; otherwise, the step itself handles its events. A step
+/// also ends where the model ends the simulation. With `update`, each step of a continuous-time model calls it after each
+/// integrator step; it may use the variables of `intermediate_variables`, which must have the attribute
+/// `intermediateUpdate`.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,
