@@ -31,7 +31,7 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 1}, "plan format 1, expected 8"),
+        ({"format": 1}, "plan format 1, expected 9"),
         ({"simulation": None}, r"expected fields: .*`\$.simulation`"),
         ({"cases": [{"name": "a"}]}, r"missing required field `title` - at `\$.cases\[0\]`"),
         ({"name_": "b"}, "unknown field `name_`"),

@@ -7,7 +7,7 @@ use clap::Args;
 use fmu_import::description::Value;
 use fmu_import::terminal::{indented, line};
 use fmu_system::plan::{self, Connected, Origin, Plan, Signal, Timing, TypeChange, Wiring};
-use fmu_system::run::{Linear, Order};
+use fmu_system::run::{Extrapolation, Iteration, Linear, Order, Simulation};
 use fmu_system::typography::significant;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -71,7 +71,9 @@ fn summary(plan: &Plan) -> String {
             Order::Sequential => "sequential",
             Order::Jacobi => "jacobi",
             Order::Auto => "in automatic order",
-        },
+        }
+        .to_owned()
+            + &coupling(&times),
     ));
     let every = if times.every == 1 { "every step".to_string() } else { format!("every {} steps", times.every) };
     lines.push(format!(
@@ -131,6 +133,21 @@ fn summary(plan: &Plan) -> String {
     lines.join("\n")
 }
 
+/// The coupling of the components, if it is not the usual one.
+fn coupling(simulation: &Simulation) -> String {
+    let mut words = Vec::new();
+    if simulation.extrapolation == Extrapolation::Linear {
+        words.push("linear inputs".to_owned());
+    }
+    if let Some(Iteration { tolerance, limit }) = simulation.iterate {
+        words.push(format!("steps iterated to {tolerance:e} in up to {limit} passes"));
+    }
+    if let Some(control) = simulation.error_control {
+        words.push(format!("steps of continuous components chosen for an error of {:e}", control.tolerance));
+    }
+    words.into_iter().map(|word| format!(", {word}")).collect()
+}
+
 /// The number of connections by the time of their values; `None` without connections.
 fn timings(wiring: &Wiring) -> Option<String> {
     let count = |wanted: Timing| wiring.inputs.iter().filter(|input| input.timing == Some(wanted)).count();
@@ -175,7 +192,12 @@ fn components(plan: &Plan) -> Vec<String> {
             .map_or(String::new(), |s| s.to_string_lossy().into_owned());
         let steady = if component.steady.is_some() { ", starts in a steady state" } else { "" };
         let set = counted(component.parameters.len(), "parameter");
-        let parameters = format!("FMI {}, sets {set}{steady}", component.fmi);
+        let rate = match (component.every, component.substeps) {
+            (1, 1) => String::new(),
+            (1, substeps) => format!(", {substeps} steps per step"),
+            (every, _) => format!(", steps every {every} steps"),
+        };
+        let parameters = format!("FMI {}, sets {set}{steady}{rate}", component.fmi);
         let row = [component.name.clone(), fmu, parameters];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),

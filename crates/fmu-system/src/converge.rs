@@ -236,19 +236,30 @@ pub type Level = (Simulation, Vec<Run>);
 /// `has_sample_times`, runs with the steps h/2 and h/4 follow in which the sample times of controllers are divided, too.
 ///
 /// # Errors
-/// A controller rejects the sample time.
+/// The steps are chosen by their error, or a controller rejects the sample time.
 pub fn levels(plan: &Plan, fmus: &Fmus, has_sample_times: bool) -> Result<Vec<Level>, String> {
     let own = plan.simulation;
     let divided = |n: u32, every: u64| {
         let steps = own.steps * u64::from(n);
         Simulation { step: own.step / f64::from(n), steps, every: own.every * every, ..own }
     };
+    if own.error_control.is_some() {
+        return Err("`error_control` chooses the communication step; compare runs with other tolerances".to_owned());
+    }
+    // Components with a rate keep their period.
+    let runs = |n: u64| {
+        let mut runs = plan.runs.clone();
+        let components = runs.iter_mut().flat_map(|run| &mut run.components);
+        components.filter(|own| own.every > 1).for_each(|own| own.every *= n);
+        runs
+    };
     let order = if own.order == Order::Jacobi { Order::Sequential } else { Order::Jacobi };
     // The finest level records all its rows, to show the effect of recording.
-    let steps = [own, divided(2, 2), divided(4, 1), Simulation { order, ..own }];
-    let mut levels: Vec<Level> = steps.into_iter().map(|simulation| (simulation, plan.runs.clone())).collect();
+    // Only sequential steps can be iterated.
+    let other = Simulation { order, iterate: own.iterate.filter(|_| order != Order::Jacobi), ..own };
+    let mut levels = vec![(own, runs(1)), (divided(2, 2), runs(2)), (divided(4, 1), runs(4)), (other, runs(1))];
     for n in [2_u32, 4].into_iter().filter(|_| has_sample_times) {
-        let mut runs = plan.runs.clone();
+        let mut runs = runs(n.into());
         for (run, own) in runs.iter_mut().zip(&plan.runs) {
             let graph = Graph::of(plan, own, fmus);
             for (name, time) in graph.times.iter().filter(|(name, _)| graph.is_controller(name)) {
@@ -506,8 +517,8 @@ mod tests {
 
     #[test]
     fn recommended_steps_are_round_and_divide_the_time() {
-        let (steps, every) = (1, 1);
-        let of = |stop: f64| Simulation { start: 0.0, stop, step: stop, steps, every, order: Order::Auto };
+        let (start, steps, every, order) = (0.0, 1, 1, Order::Auto);
+        let of = |stop: f64| Simulation { start, stop, step: stop, steps, every, order, ..Simulation::default() };
         assert_eq!(recommended_step(&of(20.0), 0.000_516), Some(0.0005));
         assert_eq!(recommended_step(&of(20.0), 0.001), Some(0.001));
         assert_eq!(recommended_step(&of(20.0), 0.000_99), Some(0.0005));

@@ -17,7 +17,7 @@ mod ssp;
 mod xml;
 
 use crate::plan::Plan;
-use crate::run::{self, Linear, Run, Wire};
+use crate::run::{self, Extrapolation, Linear, Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description_with};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, DataType, FmiVersion, ModelDescription, Unit, Variable};
@@ -128,7 +128,7 @@ impl System {
     ///
     /// # Errors
     /// An FMU cannot be read or has changed since the plan was made, signals come from a file, the file name of an FMU
-    /// is not valid in a URI, an enumeration or an element of an array is set or connected, clocks are connected, a
+    /// is not valid in a URI, components have rates or a coupling that other masters do not know, an enumeration or an element of an array is set or connected, clocks are connected, a
     /// connection converts between Real and Boolean, or a unit of measure has two definitions.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         let describe = |component: &run::Component| {
@@ -145,6 +145,19 @@ impl System {
     ) -> Result<Self, ExportError> {
         if !run.series.is_empty() {
             return Err(ExportError::InputSeries);
+        }
+        let simulation = &plan.simulation;
+        let rated = run.components.iter().find(|own| (own.every, own.substeps) != (1, 1));
+        let keys = [
+            ("every` or `substeps", rated.is_some()),
+            ("extrapolation", simulation.extrapolation == Extrapolation::Linear),
+            ("iterate", simulation.iterate.is_some()),
+            ("error_control", simulation.error_control.is_some()),
+        ];
+        if let Some((key, _)) = keys.iter().find(|(_, is_set)| *is_set) {
+            return Err(ExportError::Unsupported(format!(
+                "neither SSP nor OSP structures can express `{key}`; remove it, or run the scenario with the native master"
+            )));
         }
         let recorded: BTreeSet<usize> = run.columns.iter().flatten().copied().collect();
         let read: BTreeSet<usize> =

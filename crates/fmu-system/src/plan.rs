@@ -11,7 +11,7 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 8;
+pub const FORMAT: u32 = 9;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize, JsonSchema)]

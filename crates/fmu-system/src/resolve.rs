@@ -8,6 +8,7 @@ mod clocks;
 mod columns;
 mod components;
 mod conversion;
+mod coupling;
 mod findings;
 mod fmus;
 mod inputs;
@@ -215,7 +216,7 @@ pub fn resolve_text(
         let values = seeds.values.iter();
         values.take(wanted).map(|s| *s.get_ref()).collect()
     });
-    let runs = resolver.runs(&systems, &columns, &seeds);
+    let runs = resolver.runs(&systems, &columns, &seeds, &simulation);
     let wiring: Vec<plan::Wiring> = systems.iter().map(|system| resolver.wiring(system, simulation.order)).collect();
     let trials = if resolver.problems.is_empty() { resolver.unread(&systems, &wiring, &runs) } else { Vec::new() };
     let mut warnings = resolver.problems.take_warnings();
@@ -303,6 +304,10 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation,
         order: options.order.or(scenario.simulation.order).unwrap_or(run::Order::Sequential),
         // Checked to be at least 1.
         every: scenario.record.every.as_ref().map_or(1, |every| every.unsigned_abs()),
+        extrapolation: scenario.simulation.extrapolation.as_ref().map_or_else(Default::default, |key| *key.get_ref()),
+        step_argument: scenario.simulation.step_argument.unwrap_or_default(),
+        iterate: scenario.simulation.iterate.as_ref().map(|key| *key.get_ref()),
+        error_control: scenario.simulation.error_control.as_ref().map(|key| *key.get_ref()),
     })
 }
 

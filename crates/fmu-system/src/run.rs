@@ -13,8 +13,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
-/// Times, s, and order of execution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Times, s, order of execution, and coupling.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Simulation {
     /// Start, s.
     pub start: f64,
@@ -28,21 +28,118 @@ pub struct Simulation {
     pub order: Order,
     /// Number of steps between two recorded rows, at least 1.
     pub every: u64,
+    /// Inputs within a step.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = "hold"))]
+    pub extrapolation: Extrapolation,
+    /// Size of the steps that FMUs are asked to make.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = "constant"))]
+    pub step_argument: StepArgument,
+    /// Iteration of each step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub iterate: Option<Iteration>,
+    /// Steps of continuous components that are chosen by their error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error_control: Option<ErrorControl>,
 }
 
 impl Simulation {
-    /// Size of the step that starts at `time`, s: the communication step, or less if the stop time is nearer. An FMU
-    /// may reject a step beyond its stop time, which `time` plus the communication step may exceed by rounding.
-    pub fn step_size(&self, time: f64) -> f64 {
-        if time + self.step > self.stop { self.stop - time } else { self.step }
+    /// Time of a number of steps after the start, s. Product, then sum: no error accumulates, and the times of all
+    /// masters are bit-identical. The last time is the stop time.
+    pub(crate) fn time(&self, steps: f64) -> f64 {
+        let time = self.start + steps * self.step;
+        if time + 0.5 * self.step > self.stop { self.stop } else { time }
+    }
+
+    /// Size of the step that follows after a number of steps and starts at `time`, s: the communication step, or less
+    /// if the stop time is nearer. An FMU may reject a step beyond its stop time, which `time` plus the communication
+    /// step may exceed by rounding.
+    pub(crate) fn step_size(&self, steps: u64, time: f64) -> f64 {
+        match self.step_argument {
+            StepArgument::Constant if time + self.step > self.stop => self.stop - time,
+            StepArgument::Constant => self.step,
+            StepArgument::Difference => self.time((steps + 1) as f64) - time,
+        }
     }
 }
 
+/// Inputs within a step.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Extrapolation {
+    /// Constant.
+    #[default]
+    Hold,
+    /// Lines: continuous components get the slopes of signals from continuous components.
+    Linear,
+}
+
+/// Size of the steps that FMUs are asked to make.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StepArgument {
+    /// The communication step.
+    #[default]
+    Constant,
+    /// The difference of the times at its ends, for FMUs that compare times exactly.
+    Difference,
+}
+
+/// Iteration of each step for the continuous components that depend on each other.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Iteration {
+    /// Largest change of a signal in the last pass, relative to its value or its nominal value.
+    pub tolerance: f64,
+    /// Largest number of passes.
+    pub limit: u64,
+}
+
+impl Default for Iteration {
+    fn default() -> Self {
+        Self { tolerance: 1e-6, limit: 10 }
+    }
+}
+
+/// Choice of the steps of continuous components. The communication step is the largest of them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ErrorControl {
+    /// Error of a signal in a step, relative to its value or its nominal value.
+    pub tolerance: f64,
+    /// Smallest step, s; the communication step/1024 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_step: Option<f64>,
+    /// First step, s; the communication step/16 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_step: Option<f64>,
+}
+
+impl Default for ErrorControl {
+    fn default() -> Self {
+        Self { tolerance: 1e-4, min_step: None, initial_step: None }
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+fn one() -> u64 {
+    1
+}
+
+fn is_one(count: &u64) -> bool {
+    *count == 1
+}
+
 /// Execution order of the components of a system within a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// One after the other; a component sees the new outputs of those before it (Gauss-Seidel).
+    #[default]
     Sequential,
     /// All at once, with the outputs of the previous step.
     Jacobi,
@@ -74,6 +171,41 @@ pub struct Run {
     /// Text of Binaries in the file of results; Base64 if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub binary: Option<BinaryText>,
+}
+
+impl Run {
+    /// Indices of the continuous components.
+    pub(crate) fn continuous(&self) -> Vec<usize> {
+        (0..self.components.len()).filter(|index| !self.components[*index].is_discrete).collect()
+    }
+
+    /// The continuous components that depend on each other, by their indices.
+    pub(crate) fn coupled(&self) -> Vec<Vec<usize>> {
+        let members = self.continuous();
+        let count = self.components.len();
+        let reads = |from: usize, to: usize| {
+            let inputs = &self.components[to].inputs;
+            self.components[from].outputs.iter().any(|output| inputs.iter().any(|input| input.slot == output.slot))
+        };
+        let mut leads = vec![vec![false; count]; count];
+        for from in &members {
+            for to in &members {
+                leads[*from][*to] = reads(*from, *to);
+            }
+        }
+        for via in &members {
+            for from in &members {
+                for to in &members {
+                    leads[*from][*to] |= leads[*from][*via] && leads[*via][*to];
+                }
+            }
+        }
+        let group = |first: usize| -> Vec<usize> {
+            members.iter().copied().filter(|other| leads[first][*other] && leads[*other][first]).collect()
+        };
+        let groups = members.iter().map(|first| (first, group(*first)));
+        groups.filter(|(first, group)| group.first() == Some(first)).map(|(_, group)| group).collect()
+    }
 }
 
 /// A part of the initialization: the inputs of components are set, then their outputs are read.
@@ -131,6 +263,17 @@ pub struct Component {
     pub model_identifier: String,
     /// GUID, or instantiation token of FMI 3.0.
     pub guid: String,
+    /// Number of communication steps in one step of the component.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(extend("default" = 1))]
+    pub every: u64,
+    /// Number of its steps in a communication step.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(extend("default" = 1))]
+    pub substeps: u64,
+    /// True if it takes samples.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub is_discrete: bool,
     /// Structural parameters to set after instantiation (FMI 3.0).
     #[serde(default, skip_serializing_if = "StructuralParameters::is_empty")]
     pub structure: StructuralParameters,
@@ -244,6 +387,13 @@ pub struct Wire {
     /// For a Real input, how its value follows from the signal, if they are not the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conversion: Option<Linear>,
+    /// True if the value is a line in time: an input that gets its slope, or an output of a slow component, which the
+    /// bus interpolates between the component's steps.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub is_ramp: bool,
+    /// Nominal value, above 0; 1 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<f64>,
 }
 
 /// A conversion: factor * value + offset.
@@ -268,7 +418,9 @@ impl Wire {
     /// A scalar variable and its place on the bus.
     pub fn new(variable: &Variable, slot: usize) -> Self {
         let Variable { name, reference, base_type, .. } = variable;
-        Self { name: name.clone(), reference: *reference, base_type: *base_type, slot, conversion: None }
+        let nominal = variable.nominal.map(f64::abs).filter(|nominal| *nominal > 0.0);
+        let (name, reference, base_type) = (name.clone(), *reference, *base_type);
+        Self { name, reference, base_type, slot, conversion: None, is_ramp: false, nominal }
     }
 }
 

@@ -703,8 +703,8 @@ impl Session {
     /// Makes a step of all components. If a component ends the simulation, returns the time that it has reached, and
     /// the call.
     fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
-        let Self { simulation, members, clocked, bus, overwritten, .. } = self;
-        let step = simulation.step_size(time);
+        let Self { simulation, members, clocked, bus, overwritten, step: done, .. } = self;
+        let step = simulation.step_size(*done, time);
         let mut ended = None;
         match simulation.order {
             Order::Sequential | Order::Auto => {

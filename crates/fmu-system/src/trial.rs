@@ -8,7 +8,7 @@
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
 use crate::parameter;
-use crate::run::{Component, Evaluation, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
+use crate::run::{Component, Evaluation, Run, Simulation, Suspect, Trial, Variant, Wire};
 use fmu_import::description::{Causality, ModelDescription, Value, Variable};
 
 /// Maximum number of variants of a component that are tried; only a long sweep has more.
@@ -116,7 +116,8 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
         columns: (0..outputs.len()).map(Some).collect(),
         binary: None,
     };
-    let simulation = Simulation { every: 1, order: Order::Sequential, ..*simulation };
+    let Simulation { start, stop, step, steps, step_argument, .. } = *simulation;
+    let simulation = Simulation { start, stop, step, steps, step_argument, every: 1, ..Simulation::default() };
     master::execute(&simulation, &run, fmus).ok()
 }
 

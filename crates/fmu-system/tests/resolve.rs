@@ -806,7 +806,7 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 8);
+    assert_eq!(json["format"], 9);
     assert_eq!(json["is_cut"], false);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];

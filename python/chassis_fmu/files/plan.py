@@ -24,8 +24,36 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 Order: TypeAlias = Literal["sequential", "jacobi", "auto"]
 
 
+class ErrorControl(_Part, frozen=True):
+    """Choice of the steps of continuous components."""
+
+    # Error of a signal in a step, relative to its value or its nominal value.
+    tolerance: float
+    # First step, s; the communication step/16 if absent.
+    initial_step: float | None = None
+    # Smallest step, s; the communication step/1024 if absent.
+    min_step: float | None = None
+
+
+# Inputs within a step.
+Extrapolation: TypeAlias = Literal["hold", "linear"]
+
+
+class Iteration(_Part, frozen=True):
+    """Iteration of each step for the continuous components that depend on each other."""
+
+    # Largest change of a signal in the last pass, relative to its value or its nominal value.
+    tolerance: float
+    # Largest number of passes.
+    limit: int
+
+
+# Size of the steps that FMUs are asked to make.
+StepArgument: TypeAlias = Literal["constant", "difference"]
+
+
 class Simulation(plan_rules.SimulationMixin, _Part, frozen=True):
-    """Times, s, and order of execution."""
+    """Times, s, order of execution, and coupling."""
 
     # Start, s.
     start: float
@@ -39,6 +67,14 @@ class Simulation(plan_rules.SimulationMixin, _Part, frozen=True):
     order: Order
     # Number of steps between two recorded rows, at least 1.
     every: int
+    # Steps of continuous components that are chosen by their error.
+    error_control: ErrorControl | None = None
+    # Inputs within a step.
+    extrapolation: Extrapolation = "hold"
+    # Iteration of each step.
+    iterate: Iteration | None = None
+    # Size of the steps that FMUs are asked to make.
+    step_argument: StepArgument = "constant"
 
 
 class Case(_Part, frozen=True):
@@ -166,6 +202,11 @@ class Wire(_Part, frozen=True):
     slot: int
     # For a Real input, how its value follows from the signal, if they are not the same.
     conversion: Linear | None = None
+    # True if the value is a line in time: an input that gets its slope, or an output of a slow component, which the bus
+    # interpolates between the component's steps.
+    is_ramp: bool = False
+    # Nominal value, above 0; 1 if absent.
+    nominal: float | None = None
 
 
 class ArrayElements(_Part, frozen=True):
@@ -220,11 +261,17 @@ class Component(_Part, frozen=True):
     arrays: tuple[ArrayElements, ...] = ()
     # Triggered input clocks that another clock activates.
     clocks: tuple[ClockWire, ...] = ()
+    # Number of communication steps in one step of the component.
+    every: int = 1
+    # True if it takes samples.
+    is_discrete: bool = False
     # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
     # known yet. `None` for a component that starts as declared.
     steady: tuple[Setting, ...] | None = None
     # Structural parameters to set after instantiation (FMI 3.0).
     structure: dict[str, Value] | None = None
+    # Number of its steps in a communication step.
+    substeps: int = 1
 
 
 class Unknown(_Part, frozen=True):

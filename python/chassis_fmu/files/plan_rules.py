@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from . import plan
 
-FORMAT = 8
+FORMAT = 9
 
 
 class PlanError(Exception):

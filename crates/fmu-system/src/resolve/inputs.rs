@@ -348,13 +348,12 @@ fn plain(time: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::Order;
 
     fn inputs(text: &str, after_end: AfterEnd) -> Result<Inputs, DataError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("in.csv");
         std::fs::write(&path, text).unwrap();
-        let simulation = Simulation { start: 0.0, stop: 1.0, step: 0.1, steps: 10, order: Order::Sequential, every: 1 };
+        let simulation = Simulation { start: 0.0, stop: 1.0, step: 0.1, steps: 10, every: 1, ..Simulation::default() };
         Inputs::read(&path, simulation, after_end)
     }
 

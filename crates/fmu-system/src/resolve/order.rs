@@ -20,6 +20,12 @@ impl CaseComponent<'_> {
             None => self.all(Causality::Output).all(|(_, variable)| is_sampled(variable)),
         }
     }
+
+    /// Returns true if a variable of the component changes continuously.
+    pub(super) fn is_line(&self, variable: &fmu_import::description::Variable) -> bool {
+        let kind = (variable.base_type, variable.variability);
+        kind == (BaseType::Real, Variability::Continuous) && !self.is_discrete()
+    }
 }
 
 impl System<'_> {

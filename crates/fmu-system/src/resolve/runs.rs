@@ -4,7 +4,13 @@ use super::system::{Column, Resolver, System, context};
 use crate::{run, scenario};
 
 impl Resolver<'_> {
-    pub(super) fn runs(&mut self, systems: &[System<'_>], columns: &[Column], seeds: &[i32]) -> Vec<run::Run> {
+    pub(super) fn runs(
+        &mut self,
+        systems: &[System<'_>],
+        columns: &[Column],
+        seeds: &[i32],
+        simulation: &run::Simulation,
+    ) -> Vec<run::Run> {
         let seed_of = self.scenario.seeds.as_ref().and_then(|s| self.component_and_name(&s.parameter));
         let points: Vec<Option<&scenario::Point>> =
             if self.scenario.points.is_empty() { vec![None] } else { self.scenario.points.iter().map(Some).collect() };
@@ -21,7 +27,8 @@ impl Resolver<'_> {
                 );
                 continue;
             }
-            let wired = self.wired(system, columns);
+            let wired = self.wired(system, columns, simulation);
+            self.check_coupling(system, &wired, simulation);
             for point in &points {
                 for seed in &seeds {
                     let mut run = wired.clone();

@@ -9,7 +9,7 @@ use crate::problem::{Collector, Context};
 use crate::run::Linear;
 use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
 use crate::spanned::Spanned;
-use fmu_import::description::{BaseType, Causality, Clock, Value, Variable};
+use fmu_import::description::{BaseType, Capabilities, Causality, Clock, FmiVersion, Value, Variable};
 use fmu_import::names::similar;
 use fmu_import::parameter_set::ParameterSet;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -49,6 +49,17 @@ impl CaseComponent<'_> {
     /// The clocks with this causality, by index; also their aliases.
     pub(super) fn all_clocks(&self, causality: Causality) -> impl Iterator<Item = (usize, &Clock)> {
         self.found.description.clocks.iter().enumerate().filter(move |(_, clock)| clock.causality == causality)
+    }
+
+    /// Returns true if the interface of the FMU has a capability.
+    pub(super) fn has(&self, capability: impl Fn(&Capabilities) -> bool) -> bool {
+        let description = &self.found.description;
+        description.interface(description.stepped_interface()).is_some_and(capability)
+    }
+
+    /// Returns true if the inputs can have slopes.
+    pub(super) fn can_interpolate(&self) -> bool {
+        self.found.description.fmi == FmiVersion::V2 && self.has(|capabilities| capabilities.can_interpolate_inputs)
     }
 
     pub(super) fn variable(&self, index: usize) -> &Variable {

@@ -6,7 +6,7 @@ use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
-use crate::run::{self, Linear, Setting, Wire};
+use crate::run::{self, Extrapolation, Interpolation, Linear, Setting, Wire};
 use crate::scenario::Connection;
 use crate::spanned::Spanned;
 use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, Variable};
@@ -586,7 +586,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// The run of a case with its wires, without parameters, arrays, point and seed.
-    pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
+    pub(super) fn wired(&self, system: &System<'_>, columns: &[Column], simulation: &run::Simulation) -> run::Run {
         let kept = &system.order;
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
         // Slots: series first, in the order of the file, then outputs in the order of the components.
@@ -623,15 +623,22 @@ impl<'a> Resolver<'a> {
             .map(|&m| {
                 let member = &system.members[m];
                 let description = &member.found.description;
+                let [every, substeps] = member.component.rates();
+                let is_linear = simulation.extrapolation == Extrapolation::Linear;
                 let mut constants = Vec::new();
                 let mut inputs = Vec::new();
                 for (v, source) in &member.inputs {
                     let variable = member.variable(*v);
+                    let is_line = is_linear && member.is_line(variable);
                     match source {
                         Source::Constant(value) => constants.push(Setting::new(variable, value.clone())),
-                        Source::Series(feed) => inputs.push(Wire::new(variable, feed_slots[feed])),
+                        Source::Series(feed) => inputs.push(Wire {
+                            is_ramp: is_line && feeds[*feed].interpolation == Interpolation::Linear,
+                            ..Wire::new(variable, feed_slots[feed])
+                        }),
                         Source::Output(m, o) => inputs.push(Wire {
                             conversion: member.conversions.get(v).copied(),
+                            is_ramp: is_line && system.members[*m].is_line(system.members[*m].variable(*o)),
                             ..Wire::new(variable, output_slots[&(*m, *o)])
                         }),
                     }
@@ -645,6 +652,9 @@ impl<'a> Resolver<'a> {
                         .unwrap_or_default()
                         .to_owned(),
                     guid: description.guid.clone(),
+                    every,
+                    substeps,
+                    is_discrete: member.is_discrete(),
                     structure: description.structure.clone(),
                     parameters: Vec::new(),
                     steady: member.component.steady().map(|_| Vec::new()),
@@ -652,7 +662,10 @@ impl<'a> Resolver<'a> {
                     inputs,
                     outputs: output_slots
                         .range((m, 0)..(m + 1, 0))
-                        .map(|((_, v), slot)| Wire::new(member.variable(*v), *slot))
+                        .map(|((_, v), slot)| Wire {
+                            is_ramp: every > 1 && member.is_line(member.variable(*v)),
+                            ..Wire::new(member.variable(*v), *slot)
+                        })
                         .collect(),
                     clocks: member
                         .clocks

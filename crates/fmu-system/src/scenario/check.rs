@@ -33,6 +33,7 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
 impl Scenario {
     pub(crate) fn check(&self, problems: &mut Collector) {
         self.check_times(problems);
+        self.check_coupling(problems);
         let components = names("component", self.components.iter().map(|u| &u.name), problems);
         let cases = names("case", self.cases.iter().map(|c| &c.name), problems);
         names("point", self.points.iter().map(|p| &p.name), problems);
@@ -249,6 +250,38 @@ impl Scenario {
             problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
         } else if let Err(message) = whole_steps(start, *stop.get_ref(), *step.get_ref()) {
             problems.add_at(&[stop.span(), step.span()], message, None);
+        }
+    }
+
+    /// Checks rates of components, iteration and error control.
+    fn check_coupling(&self, problems: &mut Collector) {
+        for component in &self.components {
+            for (key, rate) in [("every", &component.every), ("substeps", &component.substeps)] {
+                if let Some(rate) = rate.as_ref().filter(|rate| *rate.get_ref() < 1) {
+                    problems.add(rate.span(), format!("`{key}` must be at least 1, got {}", rate.get_ref()));
+                }
+            }
+            if let (Some(substeps), true) = (&component.substeps, component.rates().iter().all(|rate| *rate > 1)) {
+                let message = "a component has either `every` or `substeps` above 1";
+                problems.add(substeps.span(), message);
+            }
+        }
+        let Simulation { step, iterate, error_control, .. } = &self.simulation;
+        let mut check = |span: Range<usize>, key: &str, value: f64, most: f64| {
+            if !(0.0 < value && value <= most) {
+                problems.add(span, format!("`{key}` must be above 0, up to {most}, got {value}"));
+            }
+        };
+        if let Some(key) = iterate {
+            check(key.span(), "tolerance", key.tolerance, 1.0);
+        }
+        if let Some(key) = error_control {
+            check(key.span(), "tolerance", key.tolerance, 1.0);
+            check(key.span(), "min_step", key.min_step.unwrap_or(*step.get_ref()), *step.get_ref());
+            check(key.span(), "initial_step", key.initial_step.unwrap_or(*step.get_ref()), *step.get_ref());
+        }
+        if let Some(key) = iterate.as_ref().filter(|key| key.limit < 2) {
+            problems.add(key.span(), format!("`limit` must be at least 2, got {}", key.limit));
         }
     }
 

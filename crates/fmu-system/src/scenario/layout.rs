@@ -2,7 +2,7 @@
 
 use crate::metrics::{Combine, Kind};
 use crate::report::{Expect, FigureKind, Level};
-use crate::run::Order;
+use crate::run::{ErrorControl, Extrapolation, Iteration, Order, StepArgument};
 use crate::spanned::Spanned;
 use fmu_import::bytes::BinaryText;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -130,6 +130,14 @@ pub(crate) struct Simulation {
     pub(crate) step: Spanned<f64>,
     /// Order of the components within a step; sequential if absent.
     pub(crate) order: Option<Order>,
+    /// Inputs within a step: hold (default) or linear.
+    pub(crate) extrapolation: Option<Spanned<Extrapolation>>,
+    /// Size of the steps that FMUs are asked to make: constant (default) or difference.
+    pub(crate) step_argument: Option<StepArgument>,
+    /// Iteration of each step.
+    pub(crate) iterate: Option<Spanned<Iteration>>,
+    /// Steps of continuous components that are chosen by their error.
+    pub(crate) error_control: Option<Spanned<ErrorControl>>,
 }
 
 /// An FMU in the system.
@@ -155,6 +163,17 @@ pub(crate) struct Component {
     pub(crate) start: Option<Spanned<Start>>,
     /// Whether it takes samples (discrete) or not (continuous); by default, discrete if all its outputs are.
     pub(crate) kind: Option<ComponentKind>,
+    /// Number of communication steps in one step of the component; 1 if absent.
+    pub(crate) every: Option<Spanned<i64>>,
+    /// Number of its steps in a communication step; 1 if absent.
+    pub(crate) substeps: Option<Spanned<i64>>,
+}
+
+impl Component {
+    /// `every` and `substeps`, which are checked to be at least 1.
+    pub(crate) fn rates(&self) -> [u64; 2] {
+        [&self.every, &self.substeps].map(|rate| rate.as_ref().map_or(1, |rate| rate.unsigned_abs()))
+    }
 }
 
 /// Kind of a component.

@@ -1,0 +1,117 @@
+//! What the rates of components, slopes, iteration and error control require of FMUs and of their order.
+
+use super::system::{Resolver, System, context};
+use crate::run::{Extrapolation, Order, Run, Simulation};
+use fmu_import::description::{Capabilities, FmiVersion};
+use std::ops::Range;
+
+const SAVE: (&str, fn(&Capabilities) -> bool) =
+    ("canGetAndSetFMUstate", |capabilities| capabilities.can_get_and_set_fmu_state);
+const VARY: (&str, fn(&Capabilities) -> bool) =
+    ("canHandleVariableCommunicationStepSize", |capabilities| capabilities.can_handle_variable_communication_step_size);
+
+impl Resolver<'_> {
+    /// Checks the components of a case. `run` is its run, with components in the order of the case.
+    pub(super) fn check_coupling(&mut self, system: &System<'_>, run: &Run, simulation: &Simulation) {
+        self.check_rates(system, run, simulation);
+        self.check_slopes(system, run, simulation);
+        let keys = &self.scenario.simulation;
+        if let Some(place) = keys.iterate.as_ref().map(|key| key.span()) {
+            if simulation.order == Order::Jacobi {
+                let help = "set `order` to \"sequential\" or \"auto\"".to_owned();
+                self.problems.add_with_help(place.clone(), "the order \"jacobi\" cannot be iterated", Some(help));
+            }
+            for group in run.coupled() {
+                self.check_group(system, run, &group, (&place, "iterate"), true, &[SAVE]);
+            }
+        }
+        if let Some(place) = keys.error_control.as_ref().map(|key| key.span()) {
+            let group = run.continuous();
+            if group.is_empty() {
+                self.problems.add(place.clone(), "`error_control` needs a continuous component");
+            }
+            let is_ordered = simulation.order != Order::Jacobi;
+            self.check_group(system, run, &group, (&place, "error_control"), is_ordered, &[SAVE, VARY]);
+        }
+        self.problems.set_context(None);
+    }
+
+    fn check_rates(&mut self, system: &System<'_>, run: &Run, simulation: &Simulation) {
+        for (planned, m) in run.components.iter().zip(&system.order) {
+            let member = &system.members[*m];
+            let own = member.component;
+            let rates = [("every", &own.every, planned.every), ("substeps", &own.substeps, planned.substeps)];
+            let Some((key, place)) =
+                rates.iter().find(|(.., n)| *n > 1).and_then(|(key, at, _)| Some((*key, at.as_ref()?.span())))
+            else {
+                continue;
+            };
+            self.problems.set_context(Some(context(system.case, Some(own))));
+            if !member.found.description.clocks.is_empty() {
+                let message = format!("{} has clocks, so the component cannot have `{key}`", member.found.path);
+                self.problems.add(place, message);
+            } else if simulation.steps % planned.every != 0 && !member.has(VARY.1) {
+                let message = format!(
+                    "`every` is {}, which does not divide the {} steps of the run, and {} does not declare {}",
+                    planned.every, simulation.steps, member.found.path, VARY.0
+                );
+                self.problems.add_with_help(place, message, Some("choose a divisor".to_owned()));
+            }
+        }
+    }
+
+    fn check_slopes(&mut self, system: &System<'_>, run: &Run, simulation: &Simulation) {
+        let Some(key) = self.scenario.simulation.extrapolation.as_ref() else { return };
+        let place = key.span();
+        for (planned, m) in run.components.iter().zip(&system.order) {
+            let member = &system.members[*m];
+            let has_slope = planned.inputs.iter().any(|wire| wire.is_ramp);
+            if simulation.extrapolation != Extrapolation::Linear || !has_slope || member.can_interpolate() {
+                continue;
+            }
+            let reason = match planned.fmi {
+                FmiVersion::V2 => "does not declare canInterpolateInputs",
+                FmiVersion::V3 => "is of FMI 3.0, which has no derivatives of inputs in co-simulation",
+            };
+            let message = format!("`{}` cannot get slopes of its inputs: {} {reason}", planned.name, member.found.path);
+            let help = "remove `extrapolation`, or use an FMU that interpolates its inputs".to_owned();
+            self.problems.set_context(Some(context(system.case, Some(member.component))));
+            self.problems.add_at(&[member.component.name.span(), place.clone()], message, Some(help));
+        }
+    }
+
+    /// Checks components that repeat their steps together.
+    fn check_group(
+        &mut self,
+        system: &System<'_>,
+        run: &Run,
+        group: &[usize],
+        (place, key): (&Range<usize>, &str),
+        is_ordered: bool,
+        needed: &[(&str, fn(&Capabilities) -> bool)],
+    ) {
+        for index in group {
+            let (planned, member) = (&run.components[*index], &system.members[system.order[*index]]);
+            self.problems.set_context(Some(context(system.case, Some(member.component))));
+            let missing = needed.iter().find(|(_, has)| !member.has(*has));
+            let reason = match missing {
+                Some((name, _)) => format!("{} does not declare {name}", member.found.path),
+                None if (planned.every, planned.substeps) != (1, 1) => "it has `every` or `substeps`".to_owned(),
+                None if !member.found.description.clocks.is_empty() => format!("{} has clocks", member.found.path),
+                None => continue,
+            };
+            let help = format!("remove `{key}`, or set `kind = \"discrete\"` if the component takes samples");
+            let message = format!("`{}` cannot repeat steps, as `{key}` needs: {reason}", planned.name);
+            self.problems.add_at(&[member.component.name.span(), place.clone()], message, Some(help));
+        }
+        let between = group.windows(2).find(|pair| pair[0] + 1 != pair[1]).map(|pair| pair[0] + 1);
+        if let Some(between) = between.filter(|_| is_ordered) {
+            let names: Vec<String> = group.iter().map(|m| format!("`{}`", run.components[*m].name)).collect();
+            let (names, other) = (names.join(", "), &run.components[between].name);
+            let message = format!("`{key}` needs neighbors in the order, but `{other}` is among {names}");
+            let help = "use `order = \"auto\"`, or list these components one after the other".to_owned();
+            self.problems.set_context(Some(context(system.case, None)));
+            self.problems.add_with_help(place.clone(), message, Some(help));
+        }
+    }
+}
