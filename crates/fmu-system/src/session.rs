@@ -30,10 +30,14 @@
 //! input is true if its slot is above 0.5. Connections between Real and Boolean are converted in the same way. A Real
 //! input in another unit than its output gets the converted value.
 
+mod control;
 mod events;
+mod rates;
 mod start;
 
+use self::control::Coupling;
 use self::events::{Group as ClockedGroup, Signals};
+use self::rates::{Interval, Memory};
 use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
@@ -226,13 +230,28 @@ impl Component {
     }
 
     fn set_inputs(&mut self, bus: &Bus) -> Result<(), CallError> {
+        self.load_reals(bus);
+        self.set_reals()?;
+        self.set_others(bus)
+    }
+
+    /// Takes the values of the Real inputs from the bus.
+    fn load_reals(&mut self, bus: &Bus) {
+        let reals = &mut self.inputs.reals;
+        reals.load(&bus.numbers, |v| v);
+        for (i, conversion) in &reals.conversions {
+            reals.values[*i] = conversion.of(reals.values[*i]);
+        }
+    }
+
+    fn set_reals(&mut self) -> Result<(), CallError> {
+        self.inputs.reals.set(|references, values| self.instance.set_real(references, values))
+    }
+
+    /// Sets the inputs that are not Real.
+    fn set_others(&mut self, bus: &Bus) -> Result<(), CallError> {
         let Self { instance, inputs, .. } = self;
         let numbers = &bus.numbers[..];
-        inputs.reals.load(numbers, |v| v);
-        for (i, conversion) in &inputs.reals.conversions {
-            inputs.reals.values[*i] = conversion.of(inputs.reals.values[*i]);
-        }
-        inputs.reals.set(|references, values| instance.set_real(references, values))?;
         let mut are_exact = true;
         inputs.integers.load(numbers, |v| {
             let value = v as i32;
@@ -348,17 +367,27 @@ struct Feeder {
 }
 
 impl Feeder {
-    /// Writes the series to the bus: the values for the step that begins at `time`, or with `is_step` false the values
-    /// at `time`. Times must increase from call to call.
-    fn feed(&mut self, time: f64, is_step: bool, bus: &mut [f64]) {
+    /// Writes the series to the bus: the values for `time`, linear ones some seconds `later`. Times must increase from
+    /// call to call.
+    fn feed(&mut self, time: f64, later: f64, bus: &mut [f64]) {
         for (feed, row) in &mut self.series {
             let at = match feed.interpolation {
-                Interpolation::Linear if is_step => time + 0.5 * self.step,
-                Interpolation::Linear => time,
+                Interpolation::Linear => time + later,
                 Interpolation::Hold => time + SLACK * self.step,
             };
             if let Some(value) = feed.at(at, row) {
                 bus[feed.slot] = value;
+            }
+        }
+    }
+
+    /// Writes the slopes of linear series in a step, by slot, after [`Self::feed`]. A jump at the end of the step is not
+    /// part of it.
+    fn slopes(&self, time: f64, size: f64, bus: &[f64], slopes: &mut [f64]) {
+        for (feed, row) in self.series.iter().filter(|(feed, _)| feed.interpolation == Interpolation::Linear) {
+            let end = time + (1.0 - SLACK) * size;
+            if let Some(value) = feed.at(end, &mut row.clone()) {
+                slopes[feed.slot] = (value - bus[feed.slot]) / (end - time);
             }
         }
     }
@@ -387,6 +416,7 @@ pub struct Saved {
     rows: Vec<usize>,
     step: u64,
     overwritten: Vec<Option<f64>>,
+    memory: Option<Memory>,
 }
 
 /// A run between two steps.
@@ -400,6 +430,8 @@ pub struct Session {
     bus: Bus,
     feeder: Feeder,
     overwritten: Vec<Overwritten>,
+    /// `None` if all components make one step per step of the run, with constant inputs.
+    coupling: Option<Box<Coupling>>,
     /// Steps that are done.
     step: u64,
     board: Option<&'static Board>,
@@ -445,6 +477,7 @@ impl Session {
             members,
             feeder: Feeder { series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(), step: simulation.step },
             overwritten: Vec::new(),
+            coupling: Coupling::of(simulation, run),
             step: 0,
             board,
             logged: Vec::new(),
@@ -554,7 +587,6 @@ impl Session {
         if let Some(board) = self.board {
             board.step(time, self.step);
         }
-        self.feeder.feed(time, true, &mut self.bus.numbers);
         let ended = self.step_all(time).map_err(|error| self.failed(Some(time), error))?;
         if let Some((Reached::Start, error)) = ended {
             return Err(self.failed(Some(time), error));
@@ -601,6 +633,7 @@ impl Session {
             rows: self.feeder.series.iter().map(|(_, row)| *row).collect(),
             step: self.step,
             overwritten: self.overwritten.iter().map(|input| input.value).collect(),
+            memory: self.coupling.as_ref().map(|coupling| coupling.memory()),
         })
     }
 
@@ -623,6 +656,9 @@ impl Session {
         let values = saved.overwritten.iter().copied().chain(std::iter::repeat(None));
         for (input, value) in self.overwritten.iter_mut().zip(values) {
             input.value = value;
+        }
+        if let (Some(coupling), Some(memory)) = (&mut self.coupling, &saved.memory) {
+            coupling.restore(memory);
         }
         self.step = saved.step;
         Ok(())
@@ -655,7 +691,7 @@ impl Session {
     }
 
     #[cold]
-    fn failed(&self, time: Option<f64>, error: CallError) -> Failure {
+    fn failed(&self, time: Option<f64>, error: impl Into<FmusError>) -> Failure {
         Failure::of(&self.run, time, error)
     }
 
@@ -673,7 +709,7 @@ impl Session {
         for member in members.iter_mut() {
             member.instance.enter_initialization_mode()?;
         }
-        feeder.feed(simulation.start, false, &mut bus.numbers);
+        feeder.feed(simulation.start, 0.0, &mut bus.numbers);
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }
@@ -702,9 +738,14 @@ impl Session {
 
     /// Makes a step of all components. If a component ends the simulation, returns the time that it has reached, and
     /// the call.
-    fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
-        let Self { simulation, members, clocked, bus, overwritten, step: done, .. } = self;
+    fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, FmusError> {
+        let Self { simulation, members, clocked, bus, feeder, overwritten, coupling, step: done, .. } = self;
         let step = simulation.step_size(*done, time);
+        if let Some(coupling) = coupling {
+            let at = Interval { step: *done, time, size: step, end: simulation.time((*done + 1) as f64) };
+            return coupling.step(clocked, Signals { members, bus, overwritten }, feeder, at);
+        }
+        feeder.feed(time, 0.5 * simulation.step, &mut bus.numbers);
         let mut ended = None;
         match simulation.order {
             Order::Sequential | Order::Auto => {
