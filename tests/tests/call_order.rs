@@ -168,8 +168,8 @@ fn columns_of_type(function: &str) -> [&'static str; 4] {
 /// exists.
 const DISCARDED: [&str; 3] = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
 
-/// Functions of capabilities that no FMU has: rejected in every state.
-const NOT_PROVIDED: [&str; 2] = ["fmi2SetRealInputDerivatives", "fmi3EnterConfigurationMode"];
+/// Rejected in every state, because no FMU has structural parameters.
+const NOT_PROVIDED: &str = "fmi3EnterConfigurationMode";
 
 /// Differences between the FMUs and the standard: the function, the column, the FMU states, and whether the FMUs accept
 /// the call.
@@ -291,7 +291,9 @@ impl<'a> Subject<'a> {
             .iter()
             .find(|(name, column, states, _)| *name == function && *column == self.column && states.contains(letter));
         let is_derivative = matches!(function, DIRECTIONAL | "fmi3GetAdjointDerivative");
-        let is_provided = !NOT_PROVIDED.contains(&function) && (!is_derivative || self.fmu.is_plant());
+        let is_provided = function != NOT_PROVIDED && (!is_derivative || self.fmu.is_plant());
+        let interpolates = self.fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.can_interpolate_inputs);
+        let is_provided = is_provided && (interpolates || function != "fmi2SetRealInputDerivatives");
         let is_without_events = self.column == 2 && !self.has_event_mode;
         let is_provided = is_provided && !(is_without_events && function == "fmi2EnterEventMode");
         is_provided && difference.map_or(columns[self.column].contains(letter), |(.., is_accepted)| *is_accepted)

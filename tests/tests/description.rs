@@ -77,7 +77,10 @@ fn descriptions_are_complete() {
         assert!(unit.can_handle_variable_communication_step_size && unit.can_not_use_memory_management_functions);
         assert!(unit.can_get_and_set_fmu_state && unit.can_serialize_fmu_state);
         assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
-        assert!(!unit.can_interpolate_inputs && !unit.can_run_asynchronously);
+        // The actuators compute their steps from held inputs in closed form, without a solver.
+        let has_solver = description.variables.iter().any(|variable| variable.name == "max_step");
+        assert_eq!(unit.can_interpolate_inputs, has_solver, "{name}");
+        assert!(!unit.can_run_asynchronously);
         assert_eq!(unit.max_output_derivative_order, 0);
         let exchange = description.model_exchange.as_ref().expect("a model exchange FMU");
         assert_eq!(exchange.model_identifier, unit.model_identifier);

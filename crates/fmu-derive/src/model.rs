@@ -231,8 +231,12 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         block.items.push(info);
     }
     if errors.is_empty() {
-        let has_exchange = kind != Kind::Stateful && !is_clocked;
-        let export = export(&block.self_ty, &root, &runner, has_exchange);
+        let options = match kind {
+            Kind::Continuous => 2,
+            Kind::Discrete if !is_clocked => 1,
+            _ => 0,
+        };
+        let export = export(&block.self_ty, &root, &runner, options);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
         let names = shared_names(kind, &block, &root);
@@ -398,8 +402,9 @@ fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut
     }
 }
 
-/// The export of the model. The library contains the C interface only if `cargo fmu pack` requests it.
-fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: bool) -> TokenStream {
+/// The export of the model. The library contains the C interface only if `cargo fmu pack` requests it. The runner has
+/// this number of options, see [`Packed::export`].
+fn export(model: &Type, root: &TokenStream, runner: &TokenStream, options: usize) -> TokenStream {
     let name = model.to_token_stream().to_string();
     let test = quote::format_ident!(
         "the_declarations_of_{}_do_not_contradict_each_other",
@@ -407,15 +412,15 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
     );
     let (variable, wanted) = wanted();
     let packed = Packed::parse(&wanted).filter(|packed| packed.name == name);
-    let (symbols, facts, exchange) = match &packed {
+    let (symbols, facts, values) = match &packed {
         Some(packed) => packed.export(model, root),
-        None if wanted == "describe" => (description(&name, model, root), quote!(), true),
-        None => (quote!(), quote!(), true),
+        None if wanted == "describe" => (description(&name, model, root), quote!(), [true; 2]),
+        None => (quote!(), quote!(), [true; 2]),
     };
-    let runner = if has_exchange { quote!(#runner<Self, #exchange>) } else { quote!(#runner<Self>) };
+    let options = values.iter().take(options);
     quote! {
         impl #root::Export for #model {
-            type Model = #root::runner::#runner;
+            type Model = #root::runner::#runner<Self #(, #options)*>;
             #facts
             fn library() -> &'static #root::abi::Library {
                 static LIBRARY: #root::abi::Library = #root::abi::Library::new();
@@ -492,8 +497,9 @@ impl<'a> Packed<'a> {
         Some(packed)
     }
 
-    /// Returns the C interface, the constants of `Export`, and true if there is model exchange.
-    fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
+    /// Returns the C interface, the constants of `Export`, and the options of the runner: model exchange, and inputs that
+    /// are linear in time.
+    fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, [bool; 2]) {
         let Self { guid, indicators, arrays, .. } = self;
         let has = |interface: &str| self.interfaces.contains(&interface);
         let (co_simulation, model_exchange, scheduled_execution) = (has("cs"), has("me"), has("se"));
@@ -522,7 +528,7 @@ impl<'a> Packed<'a> {
                 arrays: #arrays,
             };
         };
-        (symbols, facts, model_exchange)
+        (symbols, facts, [model_exchange, co_simulation && self.version == 2])
     }
 }
 

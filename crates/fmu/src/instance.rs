@@ -83,6 +83,8 @@ pub struct Instance<M: Model> {
     derivatives_are_old: bool,
     /// True if an up-to-date output or derivative is not finite. All other values are always finite.
     has_not_finite: bool,
+    /// True if a slope of an input is not 0.
+    has_slopes: bool,
     /// Positions of the present states in memory; `None` if their number cannot change.
     present_states: Option<Vec<usize>>,
     /// Strings handed out by fmi2GetString; they live until the value changes.
@@ -92,7 +94,7 @@ pub struct Instance<M: Model> {
 impl<M: Model> Instance<M> {
     /// A new instance in mode Instantiated. `resources` is the resources folder of the unpacked FMU.
     pub fn new(protocol: Protocol, description: Arc<Description>, resources: PathBuf) -> Self {
-        let values = ValueStore::start(&description.layout);
+        let values = M::start(&description.layout);
         let parameters = M::parameters(&values);
         let texts = texts(&values.strings);
         Self {
@@ -110,6 +112,7 @@ impl<M: Model> Instance<M> {
             outputs_are_old: true,
             derivatives_are_old: true,
             has_not_finite: false,
+            has_slopes: false,
             texts,
             present_states: structure::present_states::<M>(&description.layout, &values),
             description,

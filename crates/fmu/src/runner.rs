@@ -43,7 +43,7 @@ pub enum Kind {
 pub const MOST_PARTS: f64 = 1e6;
 
 /// Time interval of a step: `[time, time + step)`. Sample 0 is due at `start`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Step {
     /// Start of the experiment in s.
     pub start: f64,
@@ -59,6 +59,8 @@ pub struct Step {
     pub stops_at_events: bool,
     /// True if the importer activates the clocks.
     pub importer_ticks: bool,
+    /// True if inputs have slopes.
+    pub has_slopes: bool,
 }
 
 /// Position in a communication step that pauses after each integrator step, for intermediate updates.
@@ -151,6 +153,8 @@ pub trait Model: Sized + 'static {
     const CALCULATES_OUTPUTS: bool = matches!(Self::KIND, Kind::Continuous | Kind::Stateful) || Self::SOURCE.is_some();
     /// True if the solver has a tolerance.
     const HAS_ERROR_CONTROL: bool = false;
+    /// True if inputs can be linear in time during a step of co-simulation.
+    const INTERPOLATES: bool = false;
     /// True if a step can have events.
     const HAS_EVENTS: bool = false;
     /// True if the model can end the simulation.
@@ -170,6 +174,16 @@ pub trait Model: Sized + 'static {
 
     /// Assigns positions to all variables.
     fn layout() -> Layout;
+    /// The start values of the variables; the slopes of the inputs are 0.
+    fn start(layout: &Layout) -> ValueStore {
+        let mut values = ValueStore::start(layout);
+        if Self::INTERPOLATES {
+            let mut reals = values.reals.into_vec();
+            reals.resize(layout.slopes().end, 0.0);
+            values.reals = reals.into();
+        }
+        values
+    }
     /// Reads the parameters from the values.
     fn parameters(values: &ValueStore) -> Self::Parameters {
         Self::Parameters::read(values.view(), Counts::ZERO)

@@ -22,8 +22,8 @@ fn with_lengths<M: Parameters>(model: M, layout: &Layout, values: &mut ValueStor
     M::read(values.view(), Counts::ZERO)
 }
 
-/// Runs the model without the data for model exchange.
-type Runner<M> = ContinuousModel<M, false>;
+/// Runs the model without the data for model exchange, with inputs that are held.
+type Runner<M> = ContinuousModel<M, false, false>;
 
 /// A run of a continuous-time model. It uses the same solver as the FMU, and its results are bit-identical to those of
 /// the FMU.
@@ -187,8 +187,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let run = self.context();
         let Context { layout, time, .. } = run.ctx;
-        let interval =
-            Step { start: 0.0, reached: time, time, step, sample: 0, stops_at_events: false, importer_ticks: false };
+        let interval = Step { reached: time, time, step, ..Step::default() };
         let parts = Runner::<M>::parts(layout, run.values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
@@ -317,15 +316,7 @@ impl<M: Clocked> ClockedSimulation<M> {
     /// Returns the outputs; an output clock has fired if it ticked in this step. Fails if a value is not finite, or if
     /// clocks tick too often.
     pub fn step(&mut self, inputs: &M::Inputs, step: f64) -> Result<M::Outputs, String> {
-        let interval = Step {
-            start: 0.0,
-            reached: self.time,
-            time: self.time,
-            step,
-            sample: 0,
-            stops_at_events: false,
-            importer_ticks: false,
-        };
+        let interval = Step { reached: self.time, time: self.time, step, ..Step::default() };
         ClockedModel::<M>::step(self.context(inputs), interval, 0)?;
         self.time += step;
         Ok(M::Outputs::read(self.values.view(), self.layout.outputs.at))

@@ -9,16 +9,57 @@ use crate::bytes::Buffer;
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
 use crate::scalar::{Dependencies, Scalar};
-use crate::store::{ByType, Counts, Length, Values, ValuesMut};
+use crate::store::{ByType, Counts, Length, ValueStore, Values, ValuesMut};
 use crate::variable::{Layout, Role};
 use crate::variables::{ContinuousState, Variables};
 
-/// Model, inputs and derived parameters, which are constant while a solver advances the state.
+/// Model, inputs and derived parameters. All but the inputs are constant while a solver advances the state.
 pub(crate) struct Problem<'a, M: Continuous> {
     pub(crate) model: &'a M,
-    pub(crate) inputs: &'a M::Inputs<f64>,
+    pub(crate) inputs: M::Inputs<f64>,
     pub(crate) derived: &'a M::Derived,
     pub(crate) lengths: &'a [Length],
+    /// `None` if the inputs are held.
+    pub(crate) line: Option<Line<'a>>,
+}
+
+/// Inputs that are linear in time over a step.
+pub(crate) struct Line<'a> {
+    values: Values<'a, f64>,
+    at: Counts,
+    /// Start of the step in s.
+    start: f64,
+    first: &'a [f64],
+    slopes: &'a [f64],
+    /// The real inputs at the last requested time.
+    reals: Vec<f64>,
+}
+
+impl<'a> Line<'a> {
+    /// The inputs of a step that starts at `start` in s with the present values; uses the memory of `reals`.
+    pub(crate) fn new(layout: &Layout, values: &'a ValueStore, start: f64, reals: Vec<f64>) -> Self {
+        let (first, slopes) = (&values.reals[layout.inputs.reals()], &values.reals[layout.slopes()]);
+        Self { values: values.view(), at: layout.inputs.at, start, first, slopes, reals }
+    }
+
+    fn move_to(&mut self, time: f64) {
+        let after = time - self.start;
+        self.reals.clear();
+        self.reals.extend(self.first.iter().zip(self.slopes).map(|(first, slope)| first + slope * after));
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn read<I: Variables<f64>>(&mut self, time: f64) -> I {
+        self.move_to(time);
+        I::read(Values { reals: &self.reals, ..self.values }, Counts { reals: 0, ..self.at })
+    }
+
+    /// The real inputs at a time in s.
+    pub(crate) fn into_reals(mut self, time: f64) -> Vec<f64> {
+        self.move_to(time);
+        self.reals
+    }
 }
 
 /// One solver step: start time, length, and the discrete state, which is constant during the step.
@@ -29,6 +70,16 @@ pub(crate) struct Interval<'a, M: Continuous> {
 }
 
 impl<M: Continuous> Problem<'_, M> {
+    /// Moves inputs that are linear in time to a time in s.
+    #[inline]
+    pub(crate) fn move_to<K: Keep<M>>(&mut self, time: f64) {
+        if K::LINEAR
+            && let Some(line) = &mut self.line
+        {
+            self.inputs = line.read(time);
+        }
+    }
+
     #[inline]
     pub(crate) fn at<'a>(
         &'a self,
@@ -36,7 +87,7 @@ impl<M: Continuous> Problem<'_, M> {
         state: &'a M::State<f64>,
         discrete: &'a M::DiscreteState,
     ) -> At<'a, f64, M> {
-        At { time, state, inputs: self.inputs, derived: self.derived, discrete }
+        At { time, state, inputs: &self.inputs, derived: self.derived, discrete }
     }
 
     /// Computes the derivatives for a state on the heap.
@@ -76,6 +127,19 @@ impl<M: Continuous> Problem<'_, M> {
         self.evaluate_here(time, x, inputs, discrete, to);
     }
 
+    /// The derivatives as a function of time and state.
+    #[inline]
+    fn derivatives<K: Keep<M>>(
+        &mut self,
+        discrete: &M::DiscreteState,
+    ) -> impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), Infallible> {
+        |time, x, to| {
+            self.move_to::<K>(time);
+            self.evaluate(time, x, &self.inputs, discrete, to);
+            Ok(())
+        }
+    }
+
     #[inline(never)]
     fn advance_on_heap(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, h: f64, end: &mut [f64]) {
         let state = M::State::read(Values::of_states(x, self.lengths), Counts::ZERO);
@@ -84,12 +148,12 @@ impl<M: Continuous> Problem<'_, M> {
 
     /// Computes the Jacobian with respect to the state, and the derivative with respect to time, exactly with dual
     /// numbers. One evaluation computes all columns in a group.
-    fn linearize(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, scratch: &mut Scratch) {
+    fn linearize<K: Keep<M>>(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, scratch: &mut Scratch) {
         if !scratch.is_traced {
             self.trace(discrete, scratch);
         }
-        let Scratch { jacobian, slope, duals, results, inputs, input_duals, .. } = scratch;
-        let inputs = inputs_of::<Dual64, M>(self, inputs, input_duals);
+        let Scratch { jacobian, slope, duals, results, inputs: memory, input_duals, .. } = scratch;
+        let inputs = inputs_of::<Dual64, M>(self, memory, input_duals);
         let n = M::State::<f64>::COUNTS.reals;
         let (duals, results, slope) = (&mut duals[..n], &mut results[..n], &mut slope[..n]);
         for (dual, x) in duals.iter_mut().zip(x) {
@@ -122,9 +186,19 @@ impl<M: Continuous> Problem<'_, M> {
                 }
             }
         }
-        if jacobian.follows_time() {
-            self.evaluate(Dual64::new(time, 1.0), duals, &inputs, discrete, results);
-            slope.iter_mut().zip(results).for_each(|(slope, result)| *slope = result.eps);
+        let mut partial = |inputs: &M::Inputs<Dual64>| {
+            self.evaluate(Dual64::new(time, 1.0), duals, inputs, discrete, results);
+            slope.iter_mut().zip(&*results).for_each(|(slope, result)| *slope = result.eps);
+        };
+        if let Some(line) = self.line.as_ref().filter(|_| K::LINEAR) {
+            input_duals.iter_mut().zip(line.slopes).for_each(|(dual, slope)| dual.eps = *slope);
+            let Inputs { words, booleans, strings, binaries, .. } = memory;
+            let all = Values { reals: input_duals, words, booleans, strings, binaries, lengths: self.lengths };
+            partial(&M::Inputs::read(all, Counts::ZERO));
+        } else if jacobian.follows_time() {
+            partial(&inputs);
+        } else if K::LINEAR {
+            slope.fill(0.0);
         }
     }
 
@@ -157,7 +231,7 @@ impl<M: Continuous> Problem<'_, M> {
 }
 
 fn inputs_of<T: Scalar, M: Continuous>(
-    &Problem { inputs, lengths, .. }: &Problem<'_, M>,
+    Problem { inputs, lengths, .. }: &Problem<'_, M>,
     memory: &mut Inputs,
     typed: &mut Vec<T>,
 ) -> M::Inputs<T> {
@@ -177,6 +251,8 @@ const LEAST_SPARSE: usize = 32;
 /// Storage of states during the integration.
 pub(crate) trait Keep<M: Continuous> {
     type State;
+    /// True if inputs can be linear in time.
+    const LINEAR: bool;
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
     fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
     /// Passes a state to the model.
@@ -185,14 +261,14 @@ pub(crate) trait Keep<M: Continuous> {
     fn change<R>(x: &mut Self::State, lengths: &[Length], f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
     /// One step of fixed length with the classical Runge-Kutta method or the solution in closed form.
     fn fixed(
-        problem: &Problem<'_, M>,
+        problem: &mut Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Self::State;
     /// One step of a solver with error control; its error is in `scratch`. `None` if the step's matrix is singular.
     fn estimated(
-        problem: &Problem<'_, M>,
+        problem: &mut Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
@@ -208,10 +284,11 @@ pub(crate) const fn is_in_place<M: Continuous>() -> bool {
 }
 
 /// Stores states as the model's struct, for small models with fixed steps.
-pub(crate) struct InPlace;
+pub(crate) struct InPlace<const LINEAR: bool>;
 
-impl<M: Continuous> Keep<M> for InPlace {
+impl<M: Continuous, const LINEAR: bool> Keep<M> for InPlace<LINEAR> {
     type State = M::State<f64>;
+    const LINEAR: bool = LINEAR;
     #[inline]
     fn load(values: Values<'_, f64>, at: Counts, _: &mut Scratch) -> Self::State {
         M::State::read(values, at)
@@ -229,12 +306,15 @@ impl<M: Continuous> Keep<M> for InPlace {
         f(x)
     }
     #[inline]
-    fn fixed(problem: &Problem<'_, M>, x: &Self::State, interval: Interval<'_, M>, _: &mut Scratch) -> Self::State {
+    fn fixed(problem: &mut Problem<'_, M>, x: &Self::State, interval: Interval<'_, M>, _: &mut Scratch) -> Self::State {
         let Interval { time, h, discrete } = interval;
         if matches!(M::SOLVER, Solver::Exact) {
             return problem.model.advance(problem.at(time, x, discrete), h);
         }
-        let f = |time, x: &M::State<f64>| problem.model.derivatives(problem.at(time, x, discrete));
+        let mut f = |time, x: &M::State<f64>| {
+            problem.move_to::<Self>(time);
+            problem.model.derivatives(problem.at(time, x, discrete))
+        };
         let k1 = f(time, x);
         let k2 = f(time + 0.5 * h, &x.combine(&k1, |x, k| x + 0.5 * h * k));
         let k3 = f(time + 0.5 * h, &x.combine(&k2, |x, k| x + 0.5 * h * k));
@@ -242,7 +322,7 @@ impl<M: Continuous> Keep<M> for InPlace {
         let slope = k1.combine(&k2, |a, b| a + 2.0 * b).combine(&k3, |a, b| a + 2.0 * b).combine(&k4, |a, b| a + b);
         x.combine(&slope, |x, s| x + h / 6.0 * s)
     }
-    fn estimated(_: &Problem<'_, M>, _: &Self::State, _: Interval<'_, M>, _: &mut Scratch) -> Option<Self::State> {
+    fn estimated(_: &mut Problem<'_, M>, _: &Self::State, _: Interval<'_, M>, _: &mut Scratch) -> Option<Self::State> {
         unreachable!("a solver with error control keeps its states on the heap")
     }
     fn error_norm(_: &Self::State, _: &Self::State, _: f64, _: &Scratch) -> f64 {
@@ -251,10 +331,11 @@ impl<M: Continuous> Keep<M> for InPlace {
 }
 
 /// Stores states on the heap, so that large models need little stack.
-pub(crate) struct OnHeap;
+pub(crate) struct OnHeap<const LINEAR: bool>;
 
-impl<M: Continuous> Keep<M> for OnHeap {
+impl<M: Continuous, const LINEAR: bool> Keep<M> for OnHeap<LINEAR> {
     type State = Vec<f64>;
+    const LINEAR: bool = LINEAR;
     fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State {
         let mut x = scratch.take();
         let n = x.len();
@@ -276,7 +357,7 @@ impl<M: Continuous> Keep<M> for OnHeap {
         result
     }
     fn fixed(
-        problem: &Problem<'_, M>,
+        problem: &mut Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
@@ -286,39 +367,35 @@ impl<M: Continuous> Keep<M> for OnHeap {
         if matches!(M::SOLVER, Solver::Exact) {
             problem.advance_on_heap(time, x, discrete, h, &mut end);
         } else {
-            let f = |time, x: &[f64], to: &mut [f64]| {
-                problem.evaluate(time, x, problem.inputs, discrete, to);
-                Ok::<_, Infallible>(())
-            };
+            let f = problem.derivatives::<Self>(discrete);
             let Ok(()) = ode::runge_kutta(f, time, x, h, &mut end, &mut scratch.work);
         }
         end
     }
     fn estimated(
-        problem: &Problem<'_, M>,
+        problem: &mut Problem<'_, M>,
         x: &Self::State,
         interval: Interval<'_, M>,
         scratch: &mut Scratch,
     ) -> Option<Self::State> {
         let Interval { time, h, discrete } = interval;
-        let f = |time, x: &[f64], to: &mut [f64]| {
-            problem.evaluate(time, x, problem.inputs, discrete, to);
-            Ok::<_, Infallible>(())
-        };
         // A constant length lets the compiler unroll the loops for small models.
         let n = M::State::<f64>::COUNTS.reals;
         let x = &x[..n];
         if !matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
             let mut end = scratch.take();
+            let f = problem.derivatives::<Self>(discrete);
             let Ok(()) = ode::dormand_prince(f, time, x, h, &mut end, &mut scratch.error, &mut scratch.work);
             return Some(end);
         }
-        problem.linearize(time, x, discrete, scratch);
+        problem.move_to::<Self>(time);
+        problem.linearize::<Self>(time, x, discrete, scratch);
         if !scratch.jacobian.factorize(ode::rodas_diagonal(h), n) {
             return None;
         }
         let mut end = scratch.take();
         let Scratch { jacobian, slope, work, error, .. } = scratch;
+        let f = problem.derivatives::<Self>(discrete);
         let solve = |b: &mut [f64]| jacobian.solve(b);
         let (slope, end_of, error) = (&slope[..n], &mut end[..n], &mut error[..n]);
         let Ok(()) = ode::rodas(f, solve, time, x, slope, h, end_of, error, &mut work[..ode::RODAS_WORK * n]);
@@ -448,6 +525,8 @@ pub(crate) struct Scratch {
     results: Vec<Dual64>,
     inputs: Inputs,
     input_duals: Vec<Dual64>,
+    /// Memory for [`Line`].
+    pub(crate) moved: Vec<f64>,
 }
 
 /// Maximum number of states in use at the same time.
@@ -493,6 +572,7 @@ impl Scratch {
                 lengths: (),
             },
             input_duals: vec![Dual64::from(0.0); counts.reals],
+            moved: Vec::new(),
         }
     }
 

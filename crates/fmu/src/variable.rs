@@ -382,6 +382,11 @@ impl Variable {
         let is_continuous = matches!(kind, Kind::Real(_)) && !details.constant && details.clocks.is_empty();
         is_continuous && (matches!(self.role, Role::Output | Role::State) || details.intermediate)
     }
+    /// Returns true for an input that can be linear in time; clocked inputs are discrete.
+    pub(crate) fn is_continuous_input(&self) -> bool {
+        let Declaration { kind, details, .. } = &self.declaration;
+        self.role == Role::Input && matches!(kind, Kind::Real(_)) && details.clocks.is_empty()
+    }
     /// Returns true if the FMU rejects values outside the limits. Those of inputs and outputs are information for importers.
     pub(crate) fn has_limits(&self) -> bool {
         self.role == Role::Parameter
@@ -588,9 +593,15 @@ impl Layout {
         self.positions[reference as usize] + 1
     }
 
-    /// Number of real values.
+    /// Number of real values with a variable.
     pub fn reals(&self) -> usize {
         self.derivatives.reals().end
+    }
+
+    /// Indices of the slopes of the real inputs in 1/s. They follow the reals if the model interpolates, and have no
+    /// variable.
+    pub fn slopes(&self) -> Range<usize> {
+        self.reals()..self.reals() + self.inputs.counts.reals
     }
 }
 

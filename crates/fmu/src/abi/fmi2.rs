@@ -16,6 +16,7 @@ use super::{Call, CallResult, Component, Export, Log, Logger as AnyLogger, Statu
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::{CallError, Instance};
+use crate::runner::Model as _;
 
 /// fmi2Boolean.
 pub type Boolean = c_int;
@@ -167,12 +168,17 @@ functions! {
         )
     }
 
-    /// fmi2SetRealInputDerivatives: not supported, because inputs are constant during a step. The capability flags
-    /// declare this.
+    /// fmi2SetRealInputDerivatives: not supported by models whose inputs are constant during a step, as the capability
+    /// flags declare.
     fn set_real_input_derivatives[SetRealInputDerivatives](
-        _, call, _references: *const ValueReference, _count: size_t, _orders: *const c_int, _values: *const f64
+        h, call, references: *const ValueReference, count: size_t, orders: *const c_int, values: *const f64
     ) {
-        Err(call.error(NOT_SUPPORTED))
+        if !E::Model::INTERPOLATES {
+            return Err(call.error(NOT_SUPPORTED));
+        }
+        let references = call.array("vr", references, count)?;
+        let orders = call.array("order", orders, count)?;
+        h.instance.set_real_input_derivatives(references, orders, call.array("value", values, count)?)
     }
 
     /// fmi2GetRealOutputDerivatives: not supported, as the capability flags declare.

@@ -19,6 +19,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
         facts.push(("numberOfEventIndicators", layout.indicators.total().to_string()));
     }
     document("fmiModelDescription", &facts, |xml| {
+        let interpolates = M::INTERPOLATES && layout.variables.iter().any(Variable::is_continuous_input);
         let elements = [
             (interfaces.model_exchange, "ModelExchange", "completedIntegratorStepNotNeeded"),
             (interfaces.co_simulation, "CoSimulation", "canHandleVariableCommunicationStepSize"),
@@ -26,6 +27,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, unknowns: &Unknow
         for (_, name, capability) in elements.into_iter().filter(|(is_provided, ..)| *is_provided) {
             let capabilities = [
                 (capability, true),
+                ("canInterpolateInputs", interpolates && name == "CoSimulation"),
                 ("canNotUseMemoryManagementFunctions", true),
                 ("canGetAndSetFMUstate", true),
                 ("canSerializeFMUstate", M::IS_SERIALIZABLE),

@@ -78,7 +78,8 @@ impl<M: Model> Instance<M> {
         }
         let (start, reached, sample) = (self.timeline.start, self.timeline.time, self.timeline.sample);
         let importer_ticks = M::HAS_CLOCKS && self.uses_event_mode;
-        let span = Step { start, reached, time, step, sample, stops_at_events, importer_ticks };
+        let has_slopes = M::INTERPOLATES && self.has_slopes;
+        let span = Step { start, reached, time, step, sample, stops_at_events, importer_ticks, has_slopes };
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
             return rejected(format_args!(

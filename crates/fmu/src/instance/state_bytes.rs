@@ -153,7 +153,7 @@ pub(crate) fn read<M: Model>(
         time: f64::from_le_bytes(source.take()?),
         sample: source.u64()?,
     };
-    let mut values = ValueStore::start(layout);
+    let mut values = M::start(layout);
     for value in &mut values.reals {
         *value = f64::from_le_bytes(source.take()?);
     }
@@ -173,6 +173,9 @@ pub(crate) fn read<M: Model>(
             return Err(format!("a Binary must have at most {} bytes, got {length}", value.most()));
         }
         value.set(source.bytes_of(length.into())?);
+    }
+    if M::INTERPOLATES && values.reals[layout.slopes()].iter().any(|slope| !slope.is_finite()) {
+        return Err("the derivative of an input is not a finite number".to_owned());
     }
     let is_tolerance_set = read_switch(source)?;
     let initialized = is_initialized(mode);

@@ -37,6 +37,9 @@ impl<M: Model> Instance<M> {
         self.is_tolerance_set = snapshot.is_tolerance_set;
         self.derived.clone_from(&snapshot.derived);
         self.derived_are_old = snapshot.derived_are_old;
+        if M::INTERPOLATES {
+            self.update_slopes();
+        }
         if self.uses_event_mode
             && !self.is_before_start()
             && let Some(run) = &mut self.run

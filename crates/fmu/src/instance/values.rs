@@ -105,7 +105,10 @@ impl<M: Model> Instance<M> {
         let derivatives =
             last as usize >= layout.derivatives.at.reals && (!has_others || references.iter().any(is_derivative));
         self.refresh(calculated, outputs, derivatives)?;
-        let reals = &self.values.reals;
+        let mut reals = &*self.values.reals;
+        if M::INTERPOLATES {
+            reals = &reals[..self.description.layout.reals()];
+        }
         let is_bad = |&&reference: &&u32| !reals.get(reference as usize).is_none_or(|real| is_finite(*real));
         if self.has_not_finite
             && let Some(&reference) = references.iter().find(is_bad)
@@ -117,7 +120,7 @@ impl<M: Model> Instance<M> {
             others.try_for_each(|&reference| self.float32(Function::GetReal, reference).map(drop))?;
         }
         for (value, &reference) in values.iter_mut().zip(references) {
-            match self.values.reals.get(reference as usize) {
+            match reals.get(reference as usize) {
                 Some(real) => *value = *real,
                 None => *value = self.float32(Function::GetReal, reference)?.into(),
             }
@@ -376,6 +379,7 @@ impl<M: Model> Instance<M> {
             for (&reference, &value) in references.iter().zip(values) {
                 self.values.reals[reference as usize] = value;
             }
+            self.forget_slopes(references);
             self.values_changed();
             return Ok(());
         }
@@ -436,7 +440,62 @@ impl<M: Model> Instance<M> {
         if is_changed {
             self.parameters_changed();
         }
+        self.forget_slopes(references);
         self.values_changed();
+        Ok(())
+    }
+
+    /// A value that is set is held, until its slope is set.
+    #[inline]
+    fn forget_slopes(&mut self, references: &[u32]) {
+        if M::INTERPOLATES && self.has_slopes {
+            for &reference in references {
+                if let Some(index) = self.slope_of(reference) {
+                    self.values.reals[index] = 0.0;
+                }
+            }
+            self.update_slopes();
+        }
+    }
+
+    pub(super) fn update_slopes(&mut self) {
+        self.has_slopes = self.values.reals[self.layout().slopes()].iter().any(|&slope| slope != 0.0);
+    }
+
+    /// Index of the slope of a continuous input.
+    fn slope_of(&self, reference: u32) -> Option<usize> {
+        let layout = self.layout();
+        let input = layout.by_reference(reference).filter(|variable| variable.is_continuous_input())?;
+        Some(layout.slopes().start + input.index - layout.inputs.at.reals)
+    }
+
+    /// fmi2SetRealInputDerivatives: from the next communication point on, each input is linear in time, until it is set.
+    /// Fails, without setting anything, if a reference is not a continuous input, an order is not 1, or a value is not
+    /// finite.
+    pub fn set_real_input_derivatives(&mut self, references: &[u32], orders: &[i32], values: &[f64]) -> CallResult {
+        const FUNCTION: Function = Function::SetRealInputDerivatives;
+        self.check(FUNCTION)?;
+        for ((&reference, order), value) in references.iter().zip(orders).zip(values) {
+            let Some(variable) = self.layout().by_reference(reference) else {
+                return Err(self.unknown_reference(FUNCTION, reference));
+            };
+            let name = &variable.declaration.name;
+            let problem = if self.slope_of(reference).is_none() {
+                format!("'{name}' must be a continuous input of type Real")
+            } else if *order != 1 {
+                format!("the order of the derivative of '{name}' must be 1, got {order}")
+            } else if !is_finite(*value) {
+                format!("the derivative of '{name}' must be finite, got {value}")
+            } else {
+                continue;
+            };
+            return Err(self.error(FUNCTION, problem));
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = self.slope_of(reference).expect("checked above");
+            self.values.reals[index] = value;
+        }
+        self.update_slopes();
         Ok(())
     }
 

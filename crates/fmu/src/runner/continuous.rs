@@ -31,7 +31,9 @@ use crate::variable::{Declarations, Kind as Type, Layout, Role};
 use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Continuous`] model, with or without model exchange.
-pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
+///
+/// With `LINEAR`, inputs can be linear in time during a step.
+pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true, const LINEAR: bool = true>(PhantomData<M>);
 
 /// State of a run: discrete state, solver and events. `clone` leaves the solver's working memory empty; `clone_from`
 /// keeps the working memory of the target.
@@ -102,7 +104,7 @@ fn number(layout: &Layout, index: usize) -> usize {
     if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
 }
 
-impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> ContinuousModel<M, MODEL_EXCHANGE, LINEAR> {
     /// Evaluates real outputs, then state derivatives, for numbers of type `T`: the time, and inputs and states, which
     /// `real` returns by index. Values of other types are read from and written to `others`.
     fn unknowns<T: Scalar>(
@@ -136,8 +138,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         parts: u64,
         progress: &mut Progress,
     ) -> Result<Option<f64>, String> {
-        let advance =
-            if is_in_place::<M>() { Self::advance::<InPlace, PAUSES> } else { Self::advance::<OnHeap, PAUSES> };
+        let advance = match (is_in_place::<M>(), Self::INTERPOLATES) {
+            (true, true) => Self::advance::<InPlace<true>, PAUSES>,
+            (true, false) => Self::advance::<InPlace<false>, PAUSES>,
+            (false, true) => Self::advance::<OnHeap<true>, PAUSES>,
+            (false, false) => Self::advance::<OnHeap<false>, PAUSES>,
+        };
         if !has_events::<M>() {
             return advance(Run { ctx, run, values }, step, parts, progress);
         }
@@ -148,12 +154,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     }
 }
 
-impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> Model
+    for ContinuousModel<M, MODEL_EXCHANGE, LINEAR>
+{
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const HAS_EVENTS: bool = has_events::<M>() || Self::HAS_CLOCKS;
     const CLOCKS: &'static [InputClock] = M::CLOCKS;
     const SCHEDULED_EXECUTION: bool = false;
     const CAN_FINISH: bool = M::CAN_FINISH;
+    // A solution in closed form applies to inputs that are held.
+    const INTERPOLATES: bool =
+        LINEAR && !matches!(M::SOLVER, Solver::Exact) && <M::Inputs<f64> as crate::Variables<f64>>::COUNTS.reals > 0;
     const HAS_ERROR_CONTROL: bool = has_error_control(M::SOLVER);
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
@@ -209,7 +220,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         }
         if is_stiff::<M>() {
             scratch.branches = branches(layout, values, &discrete);
-            Problem { model: p, inputs, derived, lengths: &values.lengths }.trace(&discrete, &mut scratch);
+            let inputs = M::Inputs::read(values.view(), layout.inputs.at);
+            let problem = Problem { model: p, inputs, derived, lengths: &values.lengths, line: None };
+            problem.trace(&discrete, &mut scratch);
         }
         let schedules = clocks::first(M::CLOCKS, layout, values, time)?;
         Ok(RunnerState { discrete, schedules, proposed: 0.0, crossings, scratch, exchange: None, before_events: None })

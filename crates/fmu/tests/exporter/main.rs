@@ -29,6 +29,7 @@ mod resources;
 mod scheduled;
 mod settable_clocks;
 mod sizes;
+mod slopes;
 mod solvers;
 mod sources;
 mod stateful;

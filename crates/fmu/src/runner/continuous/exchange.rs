@@ -93,7 +93,7 @@ pub(super) enum Sides {
     Keep,
 }
 
-impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> ContinuousModel<M, MODEL_EXCHANGE, LINEAR> {
     pub(super) fn crossings_at(
         Context { p, derived, layout, time }: Context<'_, Self>,
         discrete: &M::DiscreteState,

@@ -9,8 +9,8 @@ use super::{
     is_stiff,
 };
 use crate::model::{At, Continuous, Event, Solver, is_crossing};
-use crate::runner::MOST_PARTS;
-use crate::solver::{Interval, Keep, Problem, Scratch};
+use crate::runner::{MOST_PARTS, became};
+use crate::solver::{Interval, Keep, Line, Problem, Scratch};
 use crate::variables::Variables as _;
 
 /// Maximum number of events in one communication step, to detect ever shorter intervals (Zeno behavior).
@@ -147,6 +147,7 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
         self.changed_by_inputs(time, &mut x)?;
         let mut has_advanced = false;
         loop {
+            self.problem.move_to::<K>(time);
             let next = K::show(&x, self.problem.lengths, |x| {
                 let at = self.problem.at(self.progress.reached, x, &self.run.discrete);
                 next_time_event(self.problem.model, at)
@@ -224,10 +225,11 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
         Ok(())
     }
 
-    fn crossings(&self, time: f64, x: &K::State) -> Crossings<M> {
+    fn crossings(&mut self, time: f64, x: &K::State) -> Crossings<M> {
         if size_of::<M::Crossings>() == 0 {
             return Crossings(None);
         }
+        self.problem.move_to::<K>(time);
         let crossings = K::show(x, self.problem.lengths, |x| {
             self.problem.model.zero_crossings(self.problem.at(time, x, &self.run.discrete))
         });
@@ -332,7 +334,8 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
                  shorter steps"
             ));
         }
-        let Self { problem: Problem { model, inputs, derived, lengths }, run, .. } = self;
+        self.problem.move_to::<K>(time);
+        let Self { problem: Problem { model, inputs, derived, lengths, .. }, run, .. } = self;
         let RunnerState { discrete, scratch, .. } = &mut **run;
         K::change(x, lengths, |state| {
             model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
@@ -356,7 +359,7 @@ impl<M: Continuous> Crossings<M> {
     }
 }
 
-impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> ContinuousModel<M, MODEL_EXCHANGE, LINEAR> {
     /// Advances the states from `progress` to the end of the step or, with `PAUSES`, over one integrator step. If this
     /// fails, the values are unchanged; the discrete state may have changed.
     #[inline]
@@ -380,10 +383,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
                 run.scratch.forget_structure();
             }
         }
-        let u = M::Inputs::read(values.view(), layout.inputs.at);
+        let has_slopes = K::LINEAR && step.has_slopes;
+        let line = has_slopes.then(|| Line::new(layout, values, progress.time, std::mem::take(&mut run.scratch.moved)));
+        let inputs = M::Inputs::read(values.view(), layout.inputs.at);
         let before = K::load(values.view(), layout.states.at, &mut run.scratch);
         let mut x = K::load(values.view(), layout.states.at, &mut run.scratch);
-        let problem = Problem { model: p, inputs: &u, derived, lengths: &values.lengths };
+        let problem = Problem { model: p, inputs, derived, lengths: &values.lengths, line };
         let start = *progress;
         let mut integration = Integration::<M, K, PAUSES> {
             problem,
@@ -417,8 +422,9 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
                 }
             }
         }
-        let Integration { stopped, progress: Progress { time, handled, .. }, .. } = integration;
+        let Integration { stopped, progress: Progress { time, handled, .. }, problem, .. } = integration;
         let end = if PAUSES { time } else { step.time + step.step };
+        let moved = problem.line.map(|line| line.into_reals(stopped.unwrap_or(end)));
         if PAUSES {
             *progress = integration.progress;
         }
@@ -428,9 +434,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             exchange.handled = if stopped.is_some() { handled } else { end };
             exchange.announced = stopped.unwrap_or(f64::INFINITY);
         }
+        let moved = moved.filter(|_| K::LINEAR);
+        if let Some((number, value)) = moved.iter().flatten().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(became(layout.real_name(layout.inputs.at.reals + number), *value, end));
+        }
         K::store(&x, &mut values.view_mut(), layout.states.at);
         check_reals(layout, layout.states, values, end)
             .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
+        if let Some(moved) = moved {
+            values.reals[layout.inputs.reals()].copy_from_slice(&moved);
+            run.scratch.moved = moved;
+        }
         K::recycle(x, &mut run.scratch);
         K::recycle(before, &mut run.scratch);
         Ok(stopped)

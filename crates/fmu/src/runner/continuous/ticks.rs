@@ -13,7 +13,7 @@ use crate::variables::Variables as _;
 /// State, discrete state and schedules after ticks.
 type Ticked<M> = (<M as Continuous>::State<f64>, <M as Continuous>::DiscreteState, <M as Continuous>::Schedules);
 
-impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> ContinuousModel<M, MODEL_EXCHANGE, LINEAR> {
     /// Runs the methods of the clocks in the bits of `active`, in their order, at an event at `time`.
     fn tick(
         Context { p, derived, layout, .. }: Context<'_, Self>,
@@ -73,6 +73,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         parts: u64,
     ) -> Result<Option<f64>, String> {
         let before = M::State::read(values.view(), ctx.layout.states.at);
+        let inputs =
+            (Self::INTERPOLATES && step.has_slopes).then(|| M::Inputs::read(values.view(), ctx.layout.inputs.at));
         let mut progress = Progress::new(step);
         let mut advance = || {
             for _ in 0..parts + MOST_PARTS as u64 {
@@ -85,6 +87,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         };
         advance().inspect_err(|_| {
             before.write(&mut values.view_mut(), ctx.layout.states.at);
+            inputs.iter().for_each(|inputs| inputs.write(&mut values.view_mut(), ctx.layout.inputs.at));
             Self::undo_events(run);
         })
     }
