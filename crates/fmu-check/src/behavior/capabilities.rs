@@ -21,13 +21,20 @@ impl Trial<'_> {
             });
             promise("canHandleVariableCommunicationStepSize", result);
         }
-        if unit.can_interpolate_inputs && !self.inputs.is_empty() {
-            let reference = self.references(&self.inputs[..1]);
-            let result = self.started("slope").and_then(|mut i| i.set_real_input_derivatives(&reference, &[1], &[0.0]));
+        // Only continuous variables have derivatives.
+        let continuous = |i: &&usize| self.variable(**i).variability != Variability::Discrete;
+        let inputs: Vec<_> = self.inputs.iter().filter(continuous).copied().collect();
+        if unit.can_interpolate_inputs && !inputs.is_empty() {
+            let slopes = vec![1e-3 / self.step; inputs.len()];
+            let result = self.started("slope").and_then(|mut instance| {
+                self.go(&mut instance, 0..1, 1)?;
+                let references = self.references(&inputs);
+                instance.set_real_input_derivatives(&references, &vec![1; slopes.len()], &slopes)?;
+                instance.do_step(self.start + self.step, self.step)?;
+                self.read_outputs(&mut instance, &mut Vec::new())
+            });
             promise("canInterpolateInputs", result);
         }
-        // Only continuous outputs have derivatives.
-        let continuous = |i: &&usize| self.variable(**i).variability != Variability::Discrete;
         if let Some(&output) = self.outputs.iter().find(continuous).filter(|_| unit.max_output_derivative_order > 0) {
             let reference = self.references(&[output]);
             let highest = i32::try_from(unit.max_output_derivative_order).unwrap_or(i32::MAX);
