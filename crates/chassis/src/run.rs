@@ -15,7 +15,7 @@ use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
 use fmu_system::requirements::{self, RunNumbers, Signals, Status, Verdict};
 use fmu_system::results::{self, RunStatus, RunStatuses};
-use fmu_system::run::Run;
+use fmu_system::run::{Run, Simulation};
 use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -216,6 +216,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     let runs = folder.join("runs");
     if arguments.engine == Engine::Fmpy {
+        let Simulation { iterate, error_control, .. } = &plan.simulation;
+        let keys = [("iterate", iterate.is_some()), ("error_control", error_control.is_some())];
+        if let Some((key, _)) = keys.iter().find(|(_, is_used)| *is_used) {
+            return Err(miette!("only the native master executes a scenario with `{key}`; leave out --engine fmpy"));
+        }
         // The native master finds the steady states itself.
         find_steady_starts(&plan.simulation, &mut plan.runs, &arguments.workers)?;
     }

@@ -31,7 +31,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from .. import _native
 from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting, Simulation, Wire
-from . import calls, clocks, fmi3
+from . import calls, clocks, fmi3, rates
 from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
 from .start import evaluate, solve
@@ -340,16 +340,21 @@ class Slave:
         self.check(status, name, time, subject)
         return value
 
-    def set(self, time: float) -> None:
-        """Set the wired inputs from the bus."""
+    def set(self, time: float, lines: rates.Lines | None = None) -> None:
+        """Set the wired inputs from the bus, or to the values and slopes of lines."""
         group = self._inputs
         if group.count:
             group.load()
+            if lines:
+                lines.store(group.buffer)
             self._board.call = self._calls[0]
             status = self._set_real(self._component, group.references, group.count, group.values)
             self._restore_rounding("fmi2SetReal")
             if not OK <= status <= WARNING:
                 self.check(status, "fmi2SetReal", time)
+        if lines and lines.count:
+            arguments = (lines.references, lines.count, lines.orders, lines.slopes)
+            self.call("fmi2SetRealInputDerivatives", time, *arguments)
         for whole in self._whole_inputs:
             name = f"fmi2Set{whole.kind}"
             if not whole.load():
@@ -489,12 +494,19 @@ class _Player:
         self._row = 0
 
     def at_start(self, time: float) -> float:
-        """Return the value in Initialization Mode."""
+        """Return the value at `time`. Times must rise from call to call."""
         return self._at(time if self._linear else time + self._later)
 
     def of_step(self, time: float) -> float:
         """Return the value for the step that begins at `time`. Times must rise from call to call."""
         return self._at(time + self._later)
+
+    def peek(self, time: float) -> float:
+        """Return the value at a later time."""
+        row = self._row
+        value = self._at(time)
+        self._row = row
+        return value
 
     def _at(self, time: float) -> float:
         times, values, row = self.feed.times, self.feed.values, self._row
@@ -629,15 +641,17 @@ def simulate(
         record(0, start)
 
         sequential = simulation.order != "jacobi"
+        coupling = rates.Coupling(run, simulation, slaves, players, bus) if rates.Coupling.is_needed(run) else None
         end: RunError | None = None
         for k in range(steps):
             time = start + k * step
             board.step(time, k)
-            for player in players:
+            size = rates.step_size(simulation, k, time)
+            for player in () if coupling else players:
                 bus[player.feed.slot] = player.of_step(time)
-            # FMUs can reject a step beyond the stop time, and rounding of time + step can exceed it.
-            size = simulation.stop - time if time + step > simulation.stop else step
-            if sequential:
+            if coupling:
+                end = coupling.step(k, time, size)
+            elif sequential:
                 for slave in slaves:
                     slave.set(time)
                     ended = slave.step(time, size)
