@@ -28,7 +28,7 @@ def repository(folder: Path) -> Path:
     """Make a repository with the script, its record, and a part that passes."""
     silent = "#!/bin/sh\n"
     well = f"{silent}echo '= all well ='\n"
-    for name, text in [("scripts/setup", silent), ("scripts/build", silent), ("scripts/test_windows", well)]:
+    for name, text in [("scripts/setup", silent), ("scripts/build", silent), ("tests/nightly/windows", well)]:
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
@@ -71,6 +71,6 @@ def test_only_changes_outside_the_record_are_dirty(tmp_path: Path) -> None:
 
 def test_a_part_that_fails_is_not_recorded(tmp_path: Path) -> None:
     folder = repository(tmp_path)
-    (folder / "scripts" / "test_windows").write_text("#!/bin/sh\nexit 3\n")
+    (folder / "tests" / "nightly" / "windows").write_text("#!/bin/sh\nexit 3\n")
     run(folder, "scripts/nightly", "windows", code=1)
     assert (folder / "docs" / "nightly.md").read_text() == RECORD

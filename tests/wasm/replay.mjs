@@ -1,5 +1,5 @@
 // Steps an FMU that was compiled to WebAssembly with the inputs in a table from `platforms record`, and compares its
-// outputs bit by bit: node replay.mjs MODULE.wasm modelDescription.xml TABLE.csv (scripts/test_platforms).
+// outputs bit by bit: node replay.mjs MODULE.wasm modelDescription.xml TABLE.csv (tests/nightly/platforms).
 import { readFileSync } from "node:fs";
 
 /** Communication step in s, as in platforms.rs. */

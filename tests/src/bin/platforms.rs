@@ -1,4 +1,4 @@
-//! Compares the results of FMUs on two platforms (`scripts/test_windows`, `scripts/test_platforms`).
+//! Compares the results of FMUs on two platforms (`tests/nightly/windows`, `tests/nightly/platforms`).
 //!
 //! - `platforms record OUT` runs each FMU with the inputs of its reference run and with changing inputs, and closed
 //!   loops of each vehicle with the native master. It writes all results to the folder OUT, including the changing
