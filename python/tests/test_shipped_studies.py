@@ -1,4 +1,4 @@
-"""The studies in this repository run, with few samples, and `scripts/study_library.py` writes its page from them."""
+"""The studies in this repository run, with few samples, and `docs/study_results.py` writes its page from them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import study_library
+import study_results
 from chassis_fmu.scenario import default_folders
 from chassis_fmu.study import execute, file
 from chassis_fmu.study.engines import Nothing
@@ -39,24 +39,24 @@ def carry_out(name: str, out: Path, runs: int) -> Numbers:
     return Numbers(job, done.values, done.rows)
 
 
-@pytest.mark.parametrize("name", study_library.ROBUST)
+@pytest.mark.parametrize("name", study_results.ROBUST)
 def test_robustness(name: str, tmp_path: Path) -> None:
     of = carry_out(name, tmp_path, 2)
     assert of.count == 2
-    lines = list(study_library.robust(name, of))
+    lines = list(study_results.robust(name, of))
     assert lines[1] == f"`studies/{name}.toml`, 2 samples, {2 * len(of.job.cells)} runs, of which 0 failed.\n"
     assert lines[2].startswith(f"Varied: {MASS[name]}")
-    rows = lines[lines.index(study_library.COLUMNS) + 2 : -1]
+    rows = lines[lines.index(study_results.COLUMNS) + 2 : -1]
     assert len(rows) == len(of.shares()) > 0
 
 
 def test_sensitivity(tmp_path: Path) -> None:
-    name = study_library.SENSITIVITY
+    name = study_results.SENSITIVITY
     of = carry_out(name, tmp_path, 8)
     # Saltelli's design without second order: N (d + 2) samples.
     factors = len(of.job.study.vary)
     assert of.count == 8 * (factors + 2)
-    lines = list(study_library.sensitivity(name, of))
+    lines = list(study_results.sensitivity(name, of))
     assert sum(line.startswith("| ") for line in lines) == (1 + factors) * len(of.job.metrics) * len(of.job.cells)
 
 

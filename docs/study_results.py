@@ -1,6 +1,6 @@
 """Run the studies of the library's controllers, and write docs/study_results.md.
 
-`.venv/bin/python scripts/study_library.py`, after `scripts/build`; continues an interrupted call. All runs took half an
+`.venv/bin/python docs/study_results.py`, after `scripts/build`; continues an interrupted call. All runs took half an
 hour on two cores, with other processes running.
 """
 
@@ -27,7 +27,7 @@ SENSITIVITY = "sensitivity_rescue_roll"
 HEAD = """# Results of the studies
 
 Do the controllers also help vehicles other than those in the papers? `studies/robust_*.toml` vary mass, tires, speed
-and road of each system, with unchanged controllers. `scripts/study_library.py` runs these studies and writes this page.
+and road of each system, with unchanged controllers. `docs/study_results.py` runs these studies and writes this page.
 
 *Runs that meet it* is the share of the samples that meet a requirement, with its 95 % interval (Wilson). A change is
 relative to the baseline of the case in the same sample.
@@ -116,8 +116,8 @@ def sensitivity(name: str, of: Numbers) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="study_library.py", description=(__doc__ or "").splitlines()[0])
-    out = ROOT / "target" / "study_library"
+    parser = argparse.ArgumentParser(prog="docs/study_results.py", description=(__doc__ or "").splitlines()[0])
+    out = ROOT / "target" / "study_results"
     parser.add_argument(
         "--out", type=Path, default=out, metavar="DIR", help="folder for results (default: %(default)s)"
     )

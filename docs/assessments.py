@@ -1,6 +1,6 @@
 """Assess the vehicles of the library with the controllers of their papers, and write docs/assessments.md.
 
-`.venv/bin/python scripts/assess_library.py`, after `scripts/setup --all` and `scripts/build`; takes a few minutes.
+Call `PYTHONPATH=scripts .venv/bin/python docs/assessments.py` after `scripts/setup --all` and `scripts/build`.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ PAGE = ROOT / "docs" / "assessments.md"
 HEAD = """# The library on its test bench
 
 This page shows the effect of the papers' controllers outside of the papers' maneuvers: each vehicle drives through the
-[test bench](guide/src/assess.md) without and with its controllers. `scripts/assess_library.py` writes this page.
+[test bench](guide/src/assess.md) without and with its controllers. `docs/assessments.py` writes this page.
 
 The bench follows procedures of standards; it certifies nothing. *Passed* and *failed* refer to limits of regulations
 that apply to the vehicle. *Better*, *worse* and *same* compare with the vehicle without controllers; *same* is a change
