@@ -1,6 +1,6 @@
 """Compare FMUs of the same models from this and other exporters: `scripts/bench exporters`, see `--help`.
 
-`crates/other-exporters` contains the sources for the other exporters and the program that measures the FMUs. An FMU
+`examples/other-exporters` contains the sources for the other exporters and the program that measures the FMUs. An FMU
 that cannot be built or measured is listed with the reason.
 """
 
@@ -21,7 +21,7 @@ from fmpy.validation import validate_fmu
 from chassis_fmu import libpython
 from chassis_fmu.program import ROOT
 
-SOURCES = ROOT / "crates" / "other-exporters"
+SOURCES = ROOT / "examples" / "other-exporters"
 BUILD = ROOT / "target" / "bench" / "exporters"
 MODELS = {"QuarterCar": "quarter-car", "BouncingBall": "bouncing-ball"}
 """Models, and the names of their packages."""
