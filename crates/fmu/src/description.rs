@@ -93,9 +93,11 @@ impl Description {
     /// Like [`Self::of`], but returns an error instead of panicking. Also fails if the FMI version cannot express a
     /// variable.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
-        let is_scheduled =
-            format.version == Version::Fmi3 && format.interfaces.scheduled_execution && M::KIND == ModelKind::Discrete;
-        let mut unordered = M::CLOCKS.iter().filter(|clock| is_scheduled && clock.priority.is_none());
+        // A model that gives some of its clocks a priority would lose scheduled execution without a word.
+        let is_scheduled = M::CLOCKS.iter().any(|clock| clock.priority.is_some())
+            || format.version == Version::Fmi3 && format.interfaces.scheduled_execution;
+        let is_unordered = |clock: &&InputClock| M::KIND == ModelKind::Discrete && clock.priority.is_none();
+        let mut unordered = M::CLOCKS.iter().filter(|clock| is_scheduled && is_unordered(clock));
         let without_priority = unordered.next().map(|InputClock { name, .. }| {
             format!("scheduled execution needs the `priority` of every clock: add it to the clock '{name}'")
         });

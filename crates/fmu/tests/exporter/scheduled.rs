@@ -123,10 +123,27 @@ impl Discrete for Workers {
     }
 }
 
+/// Only one of its clocks has a priority
+#[derive(Parameters)]
+struct Mixed {}
+
+/// Two parts without results
+#[fmu::model(stop_time = 1.0, step_size = 1.0)]
+impl Discrete for Mixed {
+    /// First part
+    #[clock(interval = 1.0, priority = 0)]
+    fn first(&self, _: Tick<Self>) {}
+
+    /// Second part
+    #[clock(triggered)]
+    fn second(&self, _: Tick<Self>) {}
+}
+
 exported! {
     Clocks: clocks::Clocks, Format::FMI3;
     Parts: Workers, Format::FMI3;
     Unordered: crate::clocks::Watch, Format::FMI3;
+    MixedParts: Mixed, Format::FMI3;
 }
 
 type Callback = Box<dyn Fn(Component) + Send + Sync>;
@@ -592,6 +609,12 @@ fn scheduled_execution_needs_priorities() {
     assert_eq!(
         of(3, 1 | 64, unordered),
         "!Watch: scheduled execution needs the `priority` of every clock: add it to the clock 'control'"
+    );
+    // A priority means that the interface is wanted, so it is not left out without a word.
+    let mixed = abi::model_description::<MixedParts>;
+    assert_eq!(
+        of(3, 1 | 128, mixed),
+        "!Mixed: scheduled execution needs the `priority` of every clock: add it to the clock 'second'"
     );
     let error = Description::try_of::<<crate::models::Sampler as Export>::Model>(
         Format {
