@@ -4,7 +4,6 @@ use crate::fmus::{Fmus, name_of};
 use crate::requests::Failure;
 use crate::running::Running;
 use fmu_import::archive::ArchiveError;
-use fmu_import::description::Interface;
 use fmu_import::wasm;
 use fmu_system::export::System;
 use fmu_system::plan::Plan;
@@ -38,7 +37,7 @@ fn fmu(file: &str, fmus: &Fmus) -> io::Result<Vec<u8>> {
     let name = name_of(file);
     let description = fmus.described(file).zip(fmus.text(name));
     let (description, text) = description.ok_or(io::ErrorKind::NotFound)?;
-    let identifier = description.model_identifier(Interface::CoSimulation).unwrap_or(name);
+    let identifier = description.model_identifier(description.stepped_interface()).unwrap_or(name);
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .last_modified_time(DateTime::default())

@@ -2,7 +2,7 @@
 
 use crate::requests::Failure;
 use fmu_import::archive::{Archive, ArchiveError};
-use fmu_import::description::{Interface, ModelDescription};
+use fmu_import::description::ModelDescription;
 use fmu_import::fmu::Binary;
 use fmu_import::loader::{Instance, Library};
 use fmu_import::wasm;
@@ -34,7 +34,7 @@ impl Fmus {
     pub(crate) fn add(&mut self, name: String, text: String) -> Result<(), Failure> {
         let description = ModelDescription::parse(&text)
             .map_err(|error| Failure::new(format!("{name}: modelDescription.xml: {error}")))?;
-        self.descriptions.insert(name.clone(), Arc::new(description));
+        self.descriptions.insert(name.clone(), Arc::new(description.with_elements()));
         self.texts.insert(name, text);
         Ok(())
     }
@@ -55,16 +55,10 @@ impl Fmus {
             |error: ArchiveError| Failure::with_help(format!("{error}."), "Choose another file, or pack it again.");
         let mut archive = Archive::read(Path::new(file), Cursor::new(bytes)).map_err(failed)?;
         let text = archive.description_text().map_err(failed)?;
-        if let Some(version) = other_version(&text) {
-            return Err(Failure::with_help(
-                format!("{file} is an FMU of FMI {version}; the lab runs FMI 2.0 for co-simulation"),
-                "Export the model for FMI 2.0.",
-            ));
-        }
         let description = archive.description().map_err(failed)?;
-        let Some(identifier) = description.model_identifier(Interface::CoSimulation) else {
+        let Some(identifier) = description.model_identifier(description.stepped_interface()) else {
             return Err(Failure::with_help(
-                format!("{file} has no co-simulation, only model exchange"),
+                format!("{file} has neither co-simulation nor scheduled execution"),
                 "Export the model for co-simulation.",
             ));
         };
@@ -85,15 +79,6 @@ impl Fmus {
         let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
         Ok((name, text, module))
     }
-}
-
-/// The version of FMI in a description, if it is not 2.0.
-fn other_version(text: &str) -> Option<&str> {
-    let (_, rest) = text.split_once("fmiVersion")?;
-    let quote = rest.find(['"', '\''])?;
-    let (_, rest) = rest.split_at(quote + 1);
-    let version = &rest[..rest.find(['"', '\''])?];
-    (version != "2.0").then_some(version)
 }
 
 /// Instances of one system. Each system has its own modules, so that a trap in an FMU does not affect the other system.
@@ -117,7 +102,7 @@ impl Instances for Modules {
             let description = self.description(component)?;
             let library = PathBuf::from(format!("{}/{name}", self.prefix));
             let path = PathBuf::from(&component.fmu);
-            let binary = Binary::of_host(path, &description, library, Interface::CoSimulation);
+            let binary = Binary::of_host(path, &description, library, description.stepped_interface());
             let library = binary.load_elsewhere()?;
             loaded.insert(name.to_owned(), (binary, library));
         }

@@ -26,9 +26,8 @@ export function entry(archive: Buffer, wanted: string): Buffer | null {
   return null;
 }
 
-/** All FMUs with their modules. */
-export function fmus(): FmuFile[] {
-  const folder = join(BUILT, "fmus");
+/** All FMUs of a folder with their modules. */
+export function fmus(folder = join(BUILT, "fmus")): FmuFile[] {
   return readdirSync(folder)
     .filter((file) => file.endsWith(".fmu"))
     .map((file) => {

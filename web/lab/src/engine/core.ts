@@ -1,6 +1,6 @@
 // The core (crates/fmu-lab: resolver, master and metrics as WebAssembly), and the modules of FMUs that it opens.
 import type { Catalog, Opened, Request, Setup } from "../protocol";
-import { FUNCTIONS, REQUIRED, trampolines } from "./abi";
+import { SIGNATURES, trampolines } from "./abi";
 import { Fmu } from "./fmu";
 import { Memory } from "./memory";
 import { unknownImports } from "./wasi";
@@ -74,7 +74,7 @@ export class Core {
   readonly #libraries = new Map<number, Library>();
   /** Indices in the function table that can be used again. */
   readonly #places: number[] = [];
-  readonly #trampolines = trampolines(FUNCTIONS);
+  readonly #trampolines = trampolines(SIGNATURES);
   #next = 1;
   /** The reason why the last module could not be instantiated. */
   #refusal = "";
@@ -117,7 +117,7 @@ export class Core {
         keep: (bytes) => this.#put(bytes),
         forget: (address, size) => this.#exports.lab_free(address, size),
       });
-      const functions = Object.fromEntries(Object.keys(FUNCTIONS).map((of) => [of, fmu.functions[of] ?? (() => 0)]));
+      const functions = Object.fromEntries(Object.keys(SIGNATURES).map((of) => [of, fmu.functions[of] ?? (() => 0)]));
       const library = { fmu, indices: new Map<string, number>(), trampolines: new WebAssembly.Instance(this.#trampolines, { f: functions }) };
       this.#libraries.set(this.#next, library);
       return this.#next++;
@@ -190,9 +190,9 @@ export class Core {
       refuse(`its module imports ${unknown.join(", ")}, which no FMI importer provides`, "Link these functions into the module.");
     }
     const exported = new Set(WebAssembly.Module.exports(compiled).map((entry) => entry.name));
-    const missing = [...REQUIRED, "memory", "__indirect_function_table"].filter((entry) => !exported.has(entry));
+    const missing = ["memory", "__indirect_function_table"].filter((entry) => !exported.has(entry));
     if (missing.length > 0) {
-      refuse(`its module does not export ${missing.join(", ")}`, "Export all functions of FMI 2.0; link with --export-table and --growable-table.");
+      refuse(`its module does not export ${missing.join(", ")}`, "Link with --export-table and --growable-table.");
     }
     this.#modules.set(dropped.name, { bytes, compiled });
     const [catalog] = this.request<Catalog>({ kind: "add", name: dropped.name, description: dropped.description });

@@ -1,7 +1,7 @@
 // An FMU in its own module: memory, callbacks, and functions for callers with another memory.
 //
 // Each function copies its arguments into the FMU's memory and the results back. Handles (instances and states) are passed unchanged.
-// An exception in the FMU, such as a trap, becomes fmi2Fatal with a message; it does not unwind frames of the core.
+// An exception in the FMU, such as a trap, becomes the status Fatal with a message; it does not unwind frames of the core.
 import { CALLBACKS, FUNCTIONS, trampolines } from "./abi";
 import { cString, Memory } from "./memory";
 import { formatted } from "./printf";
@@ -11,6 +11,8 @@ const PAGE = 65536;
 const FATAL = 4;
 const ERROR = 3;
 const callbackModule = trampolines(CALLBACKS);
+
+const NONE: number[] = [];
 
 type Export = (...parameters: number[]) => number;
 
@@ -24,10 +26,37 @@ export interface Core {
   forget(address: number, size: number): void;
 }
 
-/** Logger of an instance: the index of the logger function in the core, and the logger's environment. */
-interface Logger {
+/** The callbacks of an instance, as indices of functions in the core, and their environment. */
+interface Callbacks {
   log: number;
+  /** True if the messages of the logger are formats (FMI 2.0). */
+  takesFormats: boolean;
+  clockUpdate: number;
   environment: number;
+}
+
+/** An array among the parameters of a function: see {@link FUNCTIONS}. */
+interface Place {
+  index: number;
+  /** Size of an element, bytes. */
+  size: number;
+  isDouble: boolean;
+  /** `s` for strings, `b` for bytes, otherwise empty. */
+  text: string;
+  /** Index of the parameter with the number of elements; -1 for one element. */
+  count: number;
+  reads: boolean;
+  writes: boolean;
+}
+
+function places(parameters: string[]): Place[] {
+  return parameters.flatMap((of, index) => {
+    const [, kind, size = "", count = "-1"] = /^([<>=])(\w+)(?:\*(\d+))?$/.exec(of) ?? [];
+    if (kind === undefined) return [];
+    const isDouble = size === "d";
+    const text = /[sb]/.test(size) ? size : "";
+    return [{ index, size: isDouble ? 8 : Number(size) || 4, isDouble, text, count: Number(count), reads: kind !== ">", writes: kind !== "<" }];
+  });
 }
 
 export class Fmu {
@@ -42,11 +71,12 @@ export class Fmu {
   /** Blocks that the FMU has freed, by size. */
   readonly #returned = new Map<number, number[]>();
   readonly #sizes = new Map<number, number>();
-  readonly #loggers = new Map<number, Logger>();
-  /** Loggers by environment, for messages that arrive before there is an instance. */
-  readonly #environments = new Map<number, Logger>();
+  readonly #instances = new Map<number, Callbacks>();
+  /** Callbacks by environment, for messages that arrive before there is an instance. */
+  readonly #environments = new Map<number, Callbacks>();
+  /** Functions of the core that lock and unlock preemption; the same for all instances. */
+  #preemption = [0, 0];
   #strings: [number, number][] = [];
-  #version: Record<string, number> = {};
   #dead = "";
 
   constructor(module: WebAssembly.Module, core: Core) {
@@ -67,6 +97,11 @@ export class Fmu {
           this.#log(environment, status, this.#memory.text(category), formatted(this.#memory, message, rest)),
         allocateMemory: (count: number, size: number) => this.#allocate(count * size),
         freeMemory: (address: number) => this.#giveBack(address),
+        logMessage: (environment: number, status: number, category: number, message: number) =>
+          this.#log(environment, status, this.#memory.text(category), this.#memory.text(message)),
+        clockUpdate: (environment: number) => this.#core.call(this.#environments.get(environment)?.clockUpdate ?? 0, environment),
+        lockPreemption: () => this.#core.call(this.#preemption[0] ?? 0),
+        unlockPreemption: () => this.#core.call(this.#preemption[1] ?? 0),
       },
     });
     const first = table.grow(Object.keys(CALLBACKS).length);
@@ -75,12 +110,14 @@ export class Fmu {
   }
 
   #log(environment: number, status: number, category: string, message: string): void {
-    const logger = this.#environments.get(environment);
-    if (logger === undefined) return;
-    // The message is already formatted. The core treats it as a format, so `%` and `#` are doubled.
-    const texts = [category, message.replaceAll("%", "%%").replaceAll("#", "##")].map(cString);
+    const callbacks = this.#environments.get(environment);
+    if (callbacks === undefined) return;
+    const { log, takesFormats } = callbacks;
+    // The message is already formatted. The core treats it as a format in FMI 2.0, so `%` and `#` are doubled.
+    const texts = [category, takesFormats ? message.replaceAll("%", "%%").replaceAll("#", "##") : message].map(cString);
     const [first, second] = texts.map((text) => this.#core.keep(text)) as [number, number];
-    this.#core.call(logger.log, environment, 0, status, first, second);
+    if (takesFormats) this.#core.call(log, environment, 0, status, first, second);
+    else this.#core.call(log, environment, status, first, second);
     this.#core.forget(first, texts[0]?.length ?? 0);
     this.#core.forget(second, texts[1]?.length ?? 0);
   }
@@ -136,49 +173,112 @@ export class Fmu {
   }
 
   #make(callbacks: number): void {
-    const functions: Record<string, Export> = {
-      ...this.#texts(),
-      ...this.#life(callbacks),
-      ...this.#numbers("Real", 8),
-      ...this.#numbers("Integer", 4),
-      ...this.#numbers("Boolean", 4),
-      ...this.#stringFunctions(),
-      ...this.#states(),
-    };
-    for (const name of Object.keys(FUNCTIONS)) {
-      if (this.#exports[name] === undefined) continue;
-      const call = functions[name] ?? this.#exports[name];
-      if (call !== undefined) this.functions[name] = this.#guarded(name, call);
+    for (const [name, parameters] of Object.entries(FUNCTIONS)) {
+      const call = this.#exports[name];
+      if (call !== undefined) this.functions[name] = this.#guarded(name, this.#function(name, call, parameters.split(" "), callbacks));
     }
   }
 
-  /** Wraps a function of the FMU: an exception becomes the status fmi2Fatal. */
+  /** Wraps a function of the FMU: an exception becomes the status Fatal. */
   #guarded(name: string, call: Export): Export {
-    const failed = name === "fmi2Instantiate" ? 0 : FATAL;
+    const isNew = name.includes("Instantiate");
+    const failed = isNew ? 0 : FATAL;
     return (...parameters) => {
-      if (this.#dead !== "") return name === "fmi2FreeInstance" ? 0 : failed;
+      if (this.#dead !== "") return name.endsWith("FreeInstance") ? 0 : failed;
       try {
         return call(...parameters);
       } catch (error) {
         this.#dead = error instanceof Error ? error.message : String(error);
-        const component = name === "fmi2Instantiate" ? undefined : this.#loggers.get(parameters[0] ?? 0);
-        const logger = component ?? [...this.#environments.values()].at(-1);
-        if (logger !== undefined) this.#log(logger.environment, ERROR, "trap", `the FMU stopped with an exception: ${this.#dead}`);
+        const component = isNew ? undefined : this.#instances.get(parameters[0] ?? 0);
+        const callbacks = component ?? [...this.#environments.values()].at(-1);
+        if (callbacks !== undefined) this.#log(callbacks.environment, ERROR, "trap", `the FMU stopped with an exception: ${this.#dead}`);
         return failed;
       }
     };
   }
 
-  #function(name: string): Export {
-    const found = this.#exports[name];
-    if (found === undefined) return () => FATAL;
-    return found;
+  #function(name: string, call: Export, parameters: string[], callbacks: number): Export {
+    if (/Get(Version|TypesPlatform)$/.test(name)) {
+      let known = 0;
+      return () => (known ||= this.#core.keep(cString(this.#memory.text(call()))));
+    }
+    if (name.includes("Instantiate")) return this.#instantiation(this.#copying(call, parameters), parameters, callbacks);
+    if (!name.endsWith("FreeInstance")) return this.#copying(call, parameters);
+    return (component = 0) => {
+      call(component);
+      const own = this.#instances.get(component);
+      this.#instances.delete(component);
+      if (own !== undefined) this.#environments.delete(own.environment);
+      return 0;
+    };
   }
 
-  /** Copies bytes from the core to an address in the FMU. */
-  #bring(from: number, to: number, size: number): void {
-    const source = this.#core.memory.now.bytes;
-    this.#memory.now.bytes.set(source.subarray(from, from + size), to);
+  /** Replaces the callbacks by functions in the FMU's table, the first of which has the index `first`. */
+  #instantiation(call: Export, parameters: string[], first: number): Export {
+    const callback = (name: string): number => first + Object.keys(CALLBACKS).indexOf(name);
+    return (...given) => {
+      const own = [...given];
+      const at = (kind: string): number => own[parameters.indexOf(kind)] ?? 0;
+      const struct = at("c");
+      const takesFormats = struct !== 0;
+      // fmi2CallbackFunctions: logger, allocateMemory, freeMemory, stepFinished, componentEnvironment.
+      const [log, environment] = takesFormats ? [this.#core.memory.word(struct), this.#core.memory.word(struct + 16)] : [at("l"), at("e")];
+      const callbacks = { log, takesFormats, clockUpdate: at("k"), environment };
+      this.#environments.set(environment, callbacks);
+      if (parameters.includes("p")) this.#preemption = own.slice(-2);
+      const names = ["lockPreemption", "unlockPreemption"];
+      parameters.forEach((of, index) => {
+        if (of === "l") own[index] = callback("logMessage");
+        if (of === "k") own[index] = callback("clockUpdate");
+        if (of === "p") own[index] = callback(names.shift() ?? "");
+        if (of !== "c") return;
+        own[index] = this.#allocate(20);
+        const [memory, to] = [this.#memory, own[index] ?? 0];
+        [first, first + 1, first + 2, 0, environment].forEach((value, word) => memory.setWord(to + 4 * word, value));
+      });
+      const component = call(...own);
+      if (component !== 0) this.#instances.set(component, callbacks);
+      return component;
+    };
+  }
+
+  /** Copies strings and arrays to the FMU before a call, and what it has written back. */
+  #copying(call: Export, parameters: string[]): Export {
+    const arrays = places(parameters);
+    const strings = parameters.flatMap((of, index) => (of === "s" ? [index] : []));
+    if (arrays.length === 0 && strings.length === 0) return call;
+    // The addresses of the arrays in the core.
+    const given = arrays.map(() => 0);
+    const bytes = ({ count, size }: Place, own: number[]): number => (count < 0 ? 1 : (own[count] ?? 0)) * size;
+    return (...own) => {
+      if (strings.length > 0) for (const index of strings) own[index] = this.#string(own[index] ?? 0);
+      let room = 8;
+      for (const place of arrays) room += (bytes(place, own) + 7) & ~7;
+      let at = this.#room(room);
+      let lent = NONE;
+      for (let i = 0; i < arrays.length; i++) {
+        const place = arrays[i] as Place;
+        const from = own[place.index] ?? 0;
+        const size = bytes(place, own);
+        given[i] = from;
+        own[place.index] = at;
+        if (place.reads && place.text === "") copy(this.#core.memory, from, this.#memory, at, size, place.isDouble);
+        else if (place.reads) lent = this.#bring(place, size / 4, from, given[i - 1] ?? 0, at);
+        at += (size + 7) & ~7;
+      }
+      const status = own.length === 4 ? call(own[0] ?? 0, own[1] ?? 0, own[2] ?? 0, own[3] ?? 0) : call(...own);
+      for (let i = 0; i < arrays.length; i++) {
+        const place = arrays[i] as Place;
+        if (!place.writes) continue;
+        const from = own[place.index] ?? 0;
+        const to = given[i] ?? 0;
+        const size = bytes(place, own);
+        if (place.text === "") copy(this.#memory, from, this.#core.memory, to, size, place.isDouble);
+        else if (status <= 1) this.#fetch(place, size / 4, from, own[place.index - 1] ?? 0, to);
+      }
+      for (const address of lent) this.#giveBack(address);
+      return status;
+    };
   }
 
   /** Copies a C string from the core to memory that stays allocated. A null pointer stays a null pointer. */
@@ -186,119 +286,52 @@ export class Fmu {
     if (address === 0) return 0;
     const size = this.#core.memory.length(address) + 1;
     const own = this.#allocate(size);
-    this.#bring(address, own, size);
+    copy(this.#core.memory, address, this.#memory, own, size);
     return own;
   }
 
-  #texts(): Record<string, Export> {
-    const text = (name: string) => () => {
-      const known = this.#version[name];
-      if (known !== undefined) return known;
-      const address = this.#core.keep(cString(this.#memory.text(this.#function(name)())));
-      this.#version[name] = address;
-      return address;
-    };
-    return { fmi2GetTypesPlatform: text("fmi2GetTypesPlatform"), fmi2GetVersion: text("fmi2GetVersion") };
-  }
-
-  #life(callbacks: number): Record<string, Export> {
-    return {
-      fmi2Instantiate: (name = 0, type = 0, guid = 0, resources = 0, functions = 0, visible = 0, logging = 0) => {
-        // fmi2CallbackFunctions: logger, allocateMemory, freeMemory, stepFinished, componentEnvironment.
-        const environment = this.#core.memory.word(functions + 16);
-        const logger = { log: this.#core.memory.word(functions), environment };
-        this.#environments.set(environment, logger);
-        const own = this.#allocate(20);
-        [callbacks, callbacks + 1, callbacks + 2, 0, environment].forEach((value, index) => this.#memory.setWord(own + 4 * index, value));
-        const strings = [name, guid, resources].map((text) => this.#string(text)) as [number, number, number];
-        const component = this.#function("fmi2Instantiate")(strings[0], type, strings[1], strings[2], own, visible, logging);
-        if (component !== 0) this.#loggers.set(component, logger);
-        return component;
-      },
-      fmi2FreeInstance: (component = 0) => {
-        this.#function("fmi2FreeInstance")(component);
-        const logger = this.#loggers.get(component);
-        this.#loggers.delete(component);
-        if (logger !== undefined) this.#environments.delete(logger.environment);
-        return 0;
-      },
-    };
-  }
-
-  /** Getter and setter for a numeric type with a given size. */
-  #numbers(type: string, size: number): Record<string, Export> {
-    const [get, set] = [this.#function(`fmi2Get${type}`), this.#function(`fmi2Set${type}`)];
+  /** Copies strings or bytes (with their `sizes`) from the core, and their addresses to `to`. Returns the addresses. */
+  #bring({ text }: Place, count: number, from: number, sizes: number, to: number): number[] {
     const core = this.#core.memory;
-    const own = this.#memory;
-    const bring = (references: number, count: number): [number, number] => {
-      const to = this.#room(count * (size + 4) + 8);
-      const source = core.now.words;
-      const target = own.now.words;
-      for (let i = 0, a = references >>> 2, b = to >>> 2; i < count; i++) target[b + i] = source[a + i] ?? 0;
-      return [to, (to + 4 * count + 7) & ~7];
-    };
-    return {
-      [`fmi2Get${type}`]: (component = 0, references = 0, count = 0, values = 0) => {
-        const [names, room] = bring(references, count);
-        const status = get(component, names, count, room);
-        const [source, target, shift] = size === 8 ? [own.now.doubles, core.now.doubles, 3] : [own.now.words, core.now.words, 2];
-        for (let i = 0, a = room >>> shift, b = values >>> shift; i < count; i++) target[b + i] = source[a + i] ?? 0;
-        return status;
-      },
-      [`fmi2Set${type}`]: (component = 0, references = 0, count = 0, values = 0) => {
-        const [names, room] = bring(references, count);
-        const [source, target, shift] = size === 8 ? [core.doubles, own.doubles, 3] : [core.words, own.words, 2];
-        for (let i = 0, a = values >>> shift, b = room >>> shift; i < count; i++) target[b + i] = source[a + i] ?? 0;
-        return set(component, names, count, room);
-      },
-    };
+    const addresses = Array.from({ length: count }, (_, i) => {
+      const address = core.word(from + 4 * i);
+      if (text === "s") return this.#string(address);
+      const size = core.word(sizes + 4 * i);
+      const own = this.#allocate(Math.max(1, size));
+      copy(core, address, this.#memory, own, size);
+      return own;
+    });
+    addresses.forEach((address, i) => this.#memory.setWord(to + 4 * i, address));
+    return addresses;
   }
 
-  #stringFunctions(): Record<string, Export> {
-    return {
-      fmi2GetString: (component = 0, references = 0, count = 0, values = 0) => {
-        const room = this.#room(8 * count);
-        this.#bring(references, room, 4 * count);
-        const status = this.#function("fmi2GetString")(component, room, count, room + 4 * count);
-        // Strings are valid until the next call.
-        this.#strings.forEach(([address, size]) => this.#core.forget(address, size));
-        this.#strings = [];
-        for (let i = 0; status <= 1 && i < count; i++) {
-          const text = cString(this.#memory.text(this.#memory.word(room + 4 * (count + i))));
-          const address = this.#core.keep(text);
-          this.#strings.push([address, text.length]);
-          this.#core.memory.setWord(values + 4 * i, address);
-        }
-        return status;
-      },
-      fmi2SetString: (component = 0, references = 0, count = 0, values = 0) => {
-        const strings = Array.from({ length: count }, (_, i) => this.#string(this.#core.memory.word(values + 4 * i)));
-        const room = this.#room(8 * count);
-        this.#bring(references, room, 4 * count);
-        strings.forEach((address, i) => this.#memory.setWord(room + 4 * (count + i), address));
-        const status = this.#function("fmi2SetString")(component, room, count, room + 4 * count);
-        strings.forEach((address) => this.#giveBack(address));
-        return status;
-      },
-    };
-  }
-
-  #states(): Record<string, Export> {
-    // The address of a handle that the FMU may replace.
-    const through = (name: string) => {
-      const call = this.#function(name);
-      return (component = 0, state = 0) => {
-        const room = this.#room(4);
-        this.#memory.setWord(room, this.#core.memory.word(state));
-        const status = call(component, room);
-        this.#core.memory.setWord(state, this.#memory.word(room));
-        return status;
-      };
-    };
-    return { fmi2GetFMUstate: through("fmi2GetFMUstate"), fmi2FreeFMUstate: through("fmi2FreeFMUstate") };
+  /** Copies strings or bytes of the FMU to the core, where they are valid until the next call. */
+  #fetch({ text }: Place, count: number, from: number, sizes: number, to: number): void {
+    this.#strings.forEach(([address, size]) => this.#core.forget(address, size));
+    this.#strings = [];
+    for (let i = 0; i < count; i++) {
+      const address = this.#memory.word(from + 4 * i);
+      const size = text === "s" ? this.#memory.length(address) + 1 : this.#memory.word(sizes + 4 * i);
+      const bytes = address === 0 ? new Uint8Array(1) : this.#memory.now.bytes.slice(address, address + Math.max(1, size));
+      const kept = this.#core.keep(bytes);
+      this.#strings.push([kept, bytes.length]);
+      this.#core.memory.setWord(to + 4 * i, kept);
+    }
   }
 
   get size(): number {
     return this.#memory.memory.buffer.byteLength;
+  }
+}
+
+/** Copies bytes between memories; doubles and words one by one, which is faster for the few values of most calls. */
+function copy(source: Memory, from: number, target: Memory, to: number, size: number, areDoubles = false): void {
+  const [own, other] = [target.now, source.now];
+  if (areDoubles) {
+    for (let i = 0, a = from >>> 3, b = to >>> 3; i < size >>> 3; i++) own.doubles[b + i] = other.doubles[a + i] ?? 0;
+  } else if ((size | from | to) & 3) {
+    own.bytes.set(other.bytes.subarray(from, from + size), to);
+  } else {
+    for (let i = 0, a = from >>> 2, b = to >>> 2; i < size >>> 2; i++) own.words[b + i] = other.words[a + i] ?? 0;
   }
 }
