@@ -1,6 +1,8 @@
 """Pictures of models: grouped ports, line breaks, reproducible files."""
 
 import dataclasses
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,9 +74,19 @@ def test_large_and_small_values_get_a_power_of_ten() -> None:
     assert scaled.lines["b"].tolist() == [-1.0, 0.0]
     small = Result("Small", "", np.arange(2.0), {"a": np.array([0.0, 2.5e-4])})
     assert pictures.scaled(small).unit == "10⁻⁶"
-    for kept in (0.0, 0.01, 9999.0):
+    for kept in (0.0, 0.05, 9999.0):
         same = Result("Same", "m", np.arange(2.0), {"a": np.array([0.0, kept])})
         assert pictures.scaled(same) is same
+
+
+def test_empty_cells_of_a_reference_run_are_left_out(tmp_path: Path) -> None:
+    fmu = tmp_path / "a.fmu"
+    with zipfile.ZipFile(fmu, "w") as archive:
+        rows = "time,level,rate\n0,1,0\n0.1,1,\n0.2,1,3\n"
+        archive.writestr("extra/io.github.chassis-fmu/reference.csv", rows)
+    times, lines = pictures._reference(fmu, ["level", "rate"]) or (None, {})
+    assert np.array_equal(times, [0.0, 0.2])
+    assert {name: list(values) for name, values in lines.items()} == {"rate": [0.0, 3.0]}
 
 
 def test_inputs_of_demos() -> None:

@@ -64,7 +64,7 @@ PLOT = 116.0
 COLORS = 64
 
 # Peaks in this range need no power of ten in the unit of the axis.
-SHORT = (0.01, 10000.0)
+SHORT = (0.05, 10000.0)
 
 Array = NDArray[np.floating[Any]]
 
@@ -313,11 +313,14 @@ def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]
         rows = list(csv.reader(io.StringIO(archive.read(path).decode("utf-8"))))
     if "time" not in rows[0]:
         return None
-    values = np.array(rows[1:], dtype=float)
+    # Between samples, an output may have empty cells.
+    values = np.array([[cell or "nan" for cell in row] for row in rows[1:]], dtype=float)
     columns = {name: values[:, i] for i, name in enumerate(rows[0])}
-    known = [n for n in SHOWN if n in names]
-    moving = [n for n in (*known, *names) if n in columns and np.ptp(columns[n]) > 0.0]
-    return (columns["time"], {moving[0]: columns[moving[0]]}) if moving else None
+    for name in [n for n in (*SHOWN, *names) if n in names and n in columns]:
+        given = np.isfinite(columns[name])
+        if given.any() and np.ptp(columns[name][given]) > 0.0:
+            return columns["time"][given], {name: columns[name][given]}
+    return None
 
 
 def _unit(unit: str) -> str:
