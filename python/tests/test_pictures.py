@@ -84,8 +84,10 @@ def test_empty_cells_of_a_reference_run_are_left_out(tmp_path: Path) -> None:
     with zipfile.ZipFile(fmu, "w") as archive:
         rows = "time,level,rate\n0,1,0\n0.1,1,\n0.2,1,3\n"
         archive.writestr("extra/io.github.chassis-fmu/reference.csv", rows)
-    times, lines = pictures._reference(fmu, ["level", "rate"]) or (None, {})
-    assert np.array_equal(times, [0.0, 0.2])
+    found = pictures._reference(fmu, ["level", "rate"])
+    assert found is not None
+    times, lines = found
+    assert list(times) == [0.0, 0.2]
     assert {name: list(values) for name, values in lines.items()} == {"rate": [0.0, 3.0]}
 
 

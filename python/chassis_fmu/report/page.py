@@ -13,7 +13,7 @@ from ..evaluation.grading import MEANINGS, Status
 from ..evaluation.results_table import Numbers, Row
 from ..files.describe import Description, Variable, describe, sha256
 from ..files.plan import Bytes, Component, Plan, Run, Setting, Value
-from . import page_data, plots, rendering, tables, texts
+from . import page_data, plots, rendering, system, tables, texts
 
 
 @dataclass(frozen=True)
@@ -256,6 +256,7 @@ def render(
         findings=findings,
         legend=[(status, meaning) for status, meaning in MEANINGS.items() if status in badges],
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), rendering.inline_svg(d)) for d in drawings],
+        systems=system.systems(plan),
         components=components(plan),
         unread=unread(plan).items(),
         failures=failures,
