@@ -15,7 +15,8 @@ use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
 use fmu_system::requirements::{self, RunNumbers, Signals, Status, Verdict};
 use fmu_system::results::{self, RunStatus, RunStatuses};
-use fmu_system::run::{Run, Simulation};
+use fmu_system::run::{RealTime, Run, Simulation};
+use fmu_system::typography::significant;
 use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -69,6 +70,18 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
+    /// Execute only the runs of a case: CASE, or CASE@POINT
+    #[arg(long, value_name = "CASE")]
+    case: Option<String>,
+
+    /// Let simulated time advance FACTOR times as fast as the clock
+    ///
+    /// Results do not change. The number of steps that were late and their delays are printed, and written to status.json.
+    /// SIGTSTP (Ctrl+Z) pauses the run until SIGCONT (`fg`).
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", value_parser = factor,
+        conflicts_with_all = ["engine", "from_csv", "converge"])]
+    realtime: Option<f64>,
+
     #[command(flatten)]
     pub(crate) converge: Converge,
 
@@ -88,7 +101,30 @@ enum Engine {
     Fmpy,
 }
 
+fn factor(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor: &f64| *factor > 0.0 && factor.is_finite());
+    factor.ok_or("must be a number above 0, such as 0.5".to_owned())
+}
+
 impl Arguments {
+    /// Keeps the runs of the chosen case.
+    fn select(&self, plan: &mut Plan) -> miette::Result<()> {
+        if let Some(case) = &self.case {
+            plan.runs.retain(|run| run.case == *case || run.id.split('#').next() == Some(case));
+        }
+        match (plan.runs.len(), &self.case, self.realtime) {
+            (0, Some(case), _) => {
+                let names: Vec<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
+                Err(miette!(help = format!("the cases are {}", names.join(", ")), "there is no case `{case}`"))
+            }
+            (runs @ 2.., _, Some(_)) => Err(miette!(
+                help = "choose one with --case and --seeds 1",
+                "--realtime executes one run, but the scenario has {runs}"
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// Returns the Python to call, if tables and a page are requested or FMPy executes the runs.
     fn python(&self) -> miette::Result<Option<Python>> {
         if self.engine == Engine::Fmpy {
@@ -110,6 +146,7 @@ impl Arguments {
     fn page_request(&self, plan: &Plan, folder: &Path, results: &Results<'_>) -> miette::Result<String> {
         let incomplete = results.statuses.runs.iter().filter(|run| run.status != "completed");
         let cut = [
+            self.case.as_ref().map(|case| format!("--case {case}")),
             self.selection.stop.map(|stop| format!("--stop {stop}")),
             self.selection.seeds.map(|n| format!("--seeds {n}")),
         ];
@@ -210,6 +247,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         }
         plan
     };
+    arguments.select(&mut plan)?;
     let folder = arguments.out.join(&plan.name);
     if arguments.converge.converge {
         return converge::run(arguments, plan, &folder);
@@ -302,7 +340,7 @@ fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuse
                     if is_elsewhere {
                         results::write_csv(&to, &names, &recording).into_diagnostic()?;
                     }
-                    RunStatus::completed(run, recording.time.last().copied())
+                    RunStatus::completed(run, Some(&recording))
                 }
                 Err(message) => RunStatus::of(run, &Failure::new(&run.id, message)),
             }
@@ -345,7 +383,7 @@ fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
     });
     let columns = columns.collect();
     let of_plan = plan.columns.iter().enumerate().filter_map(|(at, column)| Some((at, exact.remove(&column.name)?)));
-    Ok(Recording { time, columns, exact: of_plan.collect(), messages: Vec::new(), seconds: 0.0 })
+    Ok(Recording { time, columns, exact: of_plan.collect(), ..Recording::default() })
 }
 
 fn write_statuses(statuses: Vec<RunStatus>, folder: &Path) -> miette::Result<RunStatuses> {
@@ -374,7 +412,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         writable.push(target.clone());
     }
     let is_fmpy = arguments.engine == Engine::Fmpy;
-    let pool = Pool::new(settings, jobs, &fmus);
+    let pool = Pool::new(settings, jobs, &fmus).in_real_time(arguments.realtime);
     let pool = if is_fmpy { pool.with_job(python::FMPY) } else { pool };
 
     let began = Instant::now();
@@ -397,7 +435,7 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
         let run = &plan.runs[index];
         match outcome {
             Ok(result) => {
-                statuses.push(RunStatus::completed(run, result.time.last().copied()));
+                statuses.push(RunStatus::completed(run, Some(&result)));
                 done.push((run, result));
             }
             Err(failure) => {
@@ -410,6 +448,12 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     }
     let statuses = write_statuses(statuses, folder)?;
     print_summary(plan, &done, incomplete.ended.len(), folder, began.elapsed());
+    for RealTime { factor, late_steps, largest_delay, total_delay } in
+        statuses.runs.iter().filter_map(|run| run.real_time)
+    {
+        let [largest, total] = [largest_delay, total_delay].map(|delay| significant(delay, 3));
+        outln!("real time x {factor}: {late_steps} steps late, by up to {largest} s, {total} s in total");
+    }
     Ok((statuses, incomplete))
 }
 

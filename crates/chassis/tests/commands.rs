@@ -38,6 +38,13 @@ fn folder(scenario: &str) -> TempDir {
     folder
 }
 
+#[cfg(unix)]
+fn pack_ramp(folder: &TempDir) {
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    support::Build::new("Ramp", "u", "x").pack(&fmus);
+}
+
 /// Calls of `chassis` or `cargo fmu` in a folder, with their exit codes and all that they print.
 fn session(folder: &Path, calls: &[&str]) -> String {
     let call = |line: &&str| {
@@ -128,9 +135,7 @@ fn mistakes_mark_the_place() {
 #[test]
 fn a_scenario_is_planned_and_run() {
     let folder = folder(SCENARIO);
-    let fmus = folder.path().join("target/fmu");
-    std::fs::create_dir_all(&fmus).unwrap();
-    support::Build::new("Ramp", "u", "x").pack(&fmus);
+    pack_ramp(&folder);
 
     let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -169,6 +174,73 @@ fn a_scenario_is_planned_and_run() {
     let rows = result("flat.csv").unwrap();
     assert!(rows.starts_with("time,x\n0.0,0.0\n") && !rows.contains("\n1.0,"), "{rows}");
     assert!(result("status.json").unwrap().contains(r#""status": "failed""#));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_in_real_time_has_the_same_results() {
+    let folder = folder(SCENARIO);
+    pack_ramp(&folder);
+    let place = folder.path().join("results/ramp/runs");
+    let read = |name: &str| std::fs::read_to_string(place.join(name)).unwrap();
+    assert!(command(folder.path(), &["run", "ramp.toml"]).status.success());
+    let expected = read("steep.csv");
+    assert!(!read("status.json").contains("real_time"));
+
+    let output = command(folder.path(), &["run", "ramp.toml", "--case", "steep", "--realtime", "10"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("\nreal time x 10: "), "{}", text(&output.stdout));
+    assert_eq!(read("steep.csv"), expected);
+    let status: serde_json::Value = serde_json::from_str(&read("status.json")).unwrap();
+    let run = &status["runs"][0];
+    assert_eq!((&run["status"], &run["real_time"]["factor"]), (&"completed".into(), &10.0.into()));
+    let [late, largest, total] = ["late_steps", "largest_delay", "total_delay"].map(|key| &run["real_time"][key]);
+    let [late, largest, total] = [late, largest, total].map(|number| number.as_f64().unwrap());
+    assert!(late <= 4.0 && largest <= total && total <= late * largest + 1e-12, "{status}");
+
+    for (arguments, problem) in [
+        (&["--realtime"][..], "--realtime executes one run, but the scenario has 2 help: choose one with --case"),
+        (&["--case", "sleep"], "there is no case `sleep` help: the cases are steep, flat"),
+        (&["--realtime", "0"], "must be a number above 0, such as 0.5"),
+        (&["--realtime", "--engine", "native"], "cannot be used with"),
+    ] {
+        let output = command(folder.path(), &[&["run", "ramp.toml"], arguments].concat());
+        assert!(message(&output.stderr).contains(problem), "{}", text(&output.stderr));
+    }
+}
+
+/// The run takes 2 s. A pause counts as time that passes, but not as a delay.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_in_real_time_is_paused_with_its_command() {
+    use std::thread::sleep;
+    use std::time::{Duration, Instant};
+    let folder = folder(SCENARIO);
+    pack_ramp(&folder);
+    let began = Instant::now();
+    let mut child = Command::new(program("run"))
+        .args(["run", "ramp.toml", "--case", "steep", "--realtime", "0.5"])
+        .current_dir(folder.path())
+        .env("CHASSIS_PYTHON", "")
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let signal = |name: &str| Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+    let state = || std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    sleep(Duration::from_millis(200));
+    assert!(signal("-TSTP").success());
+    while !state().contains(") T ") {
+        sleep(Duration::from_millis(1));
+    }
+    let pause = Duration::from_secs(2);
+    sleep(pause);
+    assert!(signal("-CONT").success());
+    assert!(child.wait().unwrap().success());
+    assert!(began.elapsed() >= Duration::from_secs(2) + pause / 2, "the run went on in the pause");
+    let status = std::fs::read_to_string(folder.path().join("results/ramp/runs/status.json")).unwrap();
+    let status: serde_json::Value = serde_json::from_str(&status).unwrap();
+    let largest = status["runs"][0]["real_time"]["largest_delay"].as_f64().unwrap();
+    assert!(largest < pause.as_secs_f64(), "{status}");
 }
 
 /// Reference: the recurrence of two Euler integrators, x' = y and y' = -x, in sequence and at once. Both are exact.

@@ -165,7 +165,6 @@ fn shown_time(time: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::wiring::Driving;
-    use std::collections::BTreeMap;
 
     /// A signal: name, value, and the row at which it changes to another value.
     type Signal = (&'static str, f64, Option<(usize, f64)>);
@@ -180,9 +179,7 @@ mod tests {
         let recording = Recording {
             time: (0..rows).map(|row| row as f64 * STEP).collect(),
             columns: signals.iter().map(|(_, before, change)| column(*before, *change)).collect(),
-            exact: BTreeMap::new(),
-            messages: Vec::new(),
-            seconds: 0.0,
+            ..Recording::default()
         };
         let names: Vec<String> = signals.iter().map(|(name, _, _)| (*name).to_owned()).collect();
         cut(spec, &names, &recording, 16.0, failure.map(str::to_owned))
@@ -270,9 +267,7 @@ mod tests {
         let recording = Recording {
             time: (0..rows).map(|row| f64::from(row) * STEP).collect(),
             columns: vec![Some(vec![0.0; x.len()]), Some(vec![1.5; x.len()]), Some(vec![0.0; x.len()]), Some(x)],
-            exact: BTreeMap::new(),
-            messages: Vec::new(),
-            seconds: 0.0,
+            ..Recording::default()
         };
         let names =
             ["vehicle.speed", "vehicle.sideslip", "vehicle.position_y", "vehicle.position_x"].map(str::to_owned);

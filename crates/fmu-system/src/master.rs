@@ -4,11 +4,12 @@
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
 pub use crate::run::Recording;
-use crate::run::{Exact, Run, Simulation};
+use crate::run::{Exact, RealTime, Run, Simulation};
 use crate::session::Session;
 use fmu_import::limits;
+use fmu_import::loader::calls;
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The columns of a run and the slots they record, in memory that is reserved before the first step. Only the bytes of
 /// Binaries, whose number is unknown, need more memory during the run.
@@ -62,7 +63,49 @@ impl Recorder {
         let mut recorded = self.columns.into_iter();
         let columns = run.columns.iter().map(|slot| slot.and_then(|_| recorded.next()).map(|(_, column)| column));
         let columns = columns.collect();
-        Recording { time: self.time, columns, exact: self.exact, messages: Vec::new(), seconds: 0.0 }
+        Recording { time: self.time, columns, exact: self.exact, ..Recording::default() }
+    }
+}
+
+/// A run in real time.
+struct Pace {
+    start: f64,
+    began: Instant,
+    report: RealTime,
+}
+
+impl Pace {
+    /// Longest sleep, so that a pause and the timeout of steps are noticed.
+    const SLEEP: Duration = Duration::from_millis(20);
+
+    fn new(factor: f64, start: f64) -> Self {
+        Self { start, began: Instant::now(), report: RealTime { factor, ..RealTime::default() } }
+    }
+
+    /// Waits at the end of a step until it is its time.
+    fn wait(&mut self, time: f64) {
+        let report = &mut self.report;
+        let due = Duration::try_from_secs_f64((time - self.start) / report.factor).unwrap_or(Duration::MAX);
+        let delay = self.began.elapsed().saturating_sub(due).as_secs_f64();
+        if delay > 0.0 {
+            report.late_steps += 1;
+            report.largest_delay = report.largest_delay.max(delay);
+            report.total_delay += delay;
+        }
+        loop {
+            let now = Instant::now();
+            let left = due.saturating_sub(now - self.began);
+            let board = calls::board();
+            let is_paused = board.is_some_and(calls::Board::is_paused);
+            if left.is_zero() && !is_paused {
+                return;
+            }
+            std::thread::sleep(if is_paused { Self::SLEEP } else { left.min(Self::SLEEP) });
+            if is_paused {
+                self.began += now.elapsed();
+            }
+            board.into_iter().for_each(calls::Board::pulse);
+        }
     }
 }
 
@@ -72,21 +115,24 @@ impl Recorder {
 /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU
 /// ends the simulation before the stop time. The error contains the rows that were recorded before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, Failure> {
-    record(simulation, run, fmus, true)
+    record(simulation, run, fmus, true, None)
 }
 
 /// Works like [`execute`]. Without `is_terminated`, the instances are neither terminated nor freed, because these calls
-/// may have crashed or hung in an earlier attempt. The instances stay until the process ends.
+/// may have crashed or hung in an earlier attempt. The instances stay until the process ends. `pace` is the factor of a
+/// run in real time.
 pub(crate) fn record(
     simulation: &Simulation,
     run: &Run,
     fmus: &dyn Instances,
     is_terminated: bool,
+    pace: Option<f64>,
 ) -> Result<Recording, Failure> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run, &session);
     recorder.push(simulation.start, &session);
+    let mut pace = pace.map(|factor| Pace::new(factor, simulation.start));
     let mut ended = Ok(());
     while ended.is_ok() && !session.is_over() {
         let before = session.steps();
@@ -96,8 +142,12 @@ pub(crate) fn record(
             recorder.push(session.time(), &session);
             ended = ended.and_then(|()| recorder.check_memory(run, session.time()));
         }
+        if let Some(pace) = &mut pace {
+            pace.wait(session.time());
+        }
     }
-    let mut recording = recorder.finish(run);
+    let real_time = pace.map(|pace| pace.report);
+    let mut recording = Recording { real_time, ..recorder.finish(run) };
     if !is_terminated {
         std::mem::forget(session);
         return match ended {

@@ -245,8 +245,7 @@ mod tests {
             time: vec![0.0, 1.0, 2.0],
             columns: vec![Some(vec![0.0; 3]); 3],
             exact: exact(BinaryText::Base64),
-            messages: Vec::new(),
-            seconds: 0.0,
+            ..Recording::default()
         };
         let written = |recording: &Recording| {
             let mut text = Vec::new();
@@ -277,9 +276,7 @@ mod tests {
         let recording = Recording {
             time: vec![0.0, 0.001],
             columns: vec![Some(values.to_vec()), None, Some(vec![1.0, 5e300])],
-            exact: BTreeMap::new(),
-            messages: Vec::new(),
-            seconds: 0.0,
+            ..Recording::default()
         };
         let columns = ["body.roll", "absent", "a,\"b\""].map(String::from);
         write_csv(&path, &columns, &recording).unwrap();
@@ -296,8 +293,7 @@ mod tests {
         let path = folder.path().join("a.csv");
         // More than one chunk.
         let time: Vec<f64> = (0..30_000).map(|k| f64::from(k) * 0.001).collect();
-        let recording =
-            Recording { time, columns: Vec::new(), exact: BTreeMap::new(), messages: Vec::new(), seconds: 0.0 };
+        let recording = Recording { time, columns: Vec::new(), ..Recording::default() };
         let part = Part::of(&path);
         part.write(&[], &recording).unwrap();
         assert!(!path.exists());
@@ -317,13 +313,7 @@ mod tests {
         let path = folder.path().join("a.csv");
         // A folder of that name cannot be replaced by a file.
         std::fs::create_dir(&path).unwrap();
-        let recording = Recording {
-            time: Vec::new(),
-            columns: Vec::new(),
-            exact: BTreeMap::new(),
-            messages: Vec::new(),
-            seconds: 0.0,
-        };
+        let recording = Recording { time: Vec::new(), columns: Vec::new(), ..Recording::default() };
         let error = write_csv(&path, &[], &recording).unwrap_err().to_string();
         assert!(error.contains("a.csv"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

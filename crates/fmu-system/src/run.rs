@@ -478,8 +478,22 @@ fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]
     Ok(Vec::deserialize(deserializer)?.into())
 }
 
+/// A run in real time: simulated time advances `factor` times as fast as the clock. The time in which a run is paused
+/// does not count.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct RealTime {
+    /// Simulated time per time, above 0.
+    pub factor: f64,
+    /// Number of steps that ended late.
+    pub late_steps: u64,
+    /// Largest delay at the end of a step, s.
+    pub largest_delay: f64,
+    /// Sum of the delays at the ends of all steps, s.
+    pub total_delay: f64,
+}
+
 /// Recorded signals of a run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
@@ -492,6 +506,8 @@ pub struct Recording {
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
     pub seconds: f64,
+    /// How a run in real time kept up with the clock.
+    pub real_time: Option<RealTime>,
 }
 
 impl Recording {

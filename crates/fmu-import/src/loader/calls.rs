@@ -112,8 +112,10 @@ enum Word {
     Pulse,
     /// Index of the component that is being loaded or instantiated.
     Component,
+    /// 1 while the parent has paused a run in real time.
+    Pause,
 }
-const WORDS: usize = 5;
+const WORDS: usize = 6;
 /// Size of the file, bytes.
 const SIZE: usize = 8 * WORDS;
 
@@ -154,6 +156,13 @@ pub fn create(file: &File) -> io::Result<()> {
     file.set_len(SIZE as u64)
 }
 
+/// Pauses the run of another process if it is in real time, or lets it go on.
+#[cfg(unix)]
+pub fn pause(file: &File, is_paused: bool) -> io::Result<()> {
+    let place = 8 * Word::Pause as u64;
+    std::os::unix::fs::FileExt::write_all_at(file, &u64::from(is_paused).to_ne_bytes(), place)
+}
+
 impl Board {
     fn set(&self, word: Word, value: u64) {
         self.0[word as usize].store(value, Ordering::Relaxed);
@@ -166,6 +175,11 @@ impl Board {
     /// Signals progress.
     pub fn pulse(&self) {
         self.set(Word::Pulse, self.get(Word::Pulse).wrapping_add(1));
+    }
+
+    /// True while a run in real time has to wait.
+    pub fn is_paused(&self) -> bool {
+        self.get(Word::Pause) != 0
     }
 
     /// Starts a run.
@@ -280,5 +294,10 @@ mod tests {
         assert_ne!(stepping.pulse, begun.pulse);
         board.leave();
         assert_eq!(read().call, None);
+        #[cfg(unix)]
+        for is_paused in [true, false] {
+            pause(&file, is_paused).unwrap();
+            assert_eq!(board.is_paused(), is_paused);
+        }
     }
 }

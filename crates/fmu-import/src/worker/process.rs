@@ -192,6 +192,21 @@ impl Process {
         self.folder.path()
     }
 
+    /// From now on, SIGTSTP pauses a run in real time before it stops this process. SIGCONT lets both go on.
+    #[cfg(unix)]
+    pub fn pause_on_stop(&self) -> io::Result<()> {
+        let board = self.board.try_clone()?;
+        let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTSTP])?;
+        let stop = move || {
+            for signal in &mut signals {
+                let _ = calls::pause(&board, true);
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+                let _ = calls::pause(&board, false);
+            }
+        };
+        std::thread::Builder::new().name("stop".to_owned()).spawn(stop).map(drop)
+    }
+
     /// Sends a request. A broken connection is reported by [`Self::receive`].
     pub fn send(&mut self, request: &impl Serialize, body: &[f64]) {
         let _ = message::write(&mut self.connection, request, &[body]);

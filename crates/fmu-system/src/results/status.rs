@@ -2,7 +2,7 @@
 
 use super::file_name;
 use crate::failure::{Failure, FailureKind};
-use crate::run::Run;
+use crate::run::{RealTime, Recording, Run};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -33,6 +33,9 @@ pub struct RunStatus {
     at: Option<f64>,
     component: Option<String>,
     message: Option<String>,
+    /// Only for a run in real time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub real_time: Option<RealTime>,
 }
 
 impl RunStatuses {
@@ -43,8 +46,9 @@ impl RunStatuses {
 }
 
 impl RunStatus {
-    /// A complete run, whose last row has this time, s.
-    pub fn completed(run: &Run, end: Option<f64>) -> Self {
+    /// A complete run with these rows.
+    pub fn completed(run: &Run, recording: Option<&Recording>) -> Self {
+        let end = recording.and_then(|recording| recording.time.last().copied());
         Self {
             run: run.id.clone(),
             file: end.map(|_| file_name(run)),
@@ -53,6 +57,7 @@ impl RunStatus {
             at: end,
             component: None,
             message: None,
+            real_time: recording.and_then(|recording| recording.real_time),
         }
     }
 
@@ -63,7 +68,6 @@ impl RunStatus {
 
     /// A run that is not complete.
     pub fn of(run: &Run, failure: &Failure) -> Self {
-        let end = failure.recorded.as_ref().and_then(|recording| recording.time.last().copied());
         let status = match failure.kind {
             FailureKind::Terminated => "terminated",
             FailureKind::Discarded => "discarded",
@@ -71,6 +75,12 @@ impl RunStatus {
         };
         let Failure { time, component, message, .. } = failure;
         let (component, message) = (component.clone(), Some(message.clone()));
-        Self { status: Cow::Borrowed(status), at: *time, component, message, ..Self::completed(run, end) }
+        Self {
+            status: Cow::Borrowed(status),
+            at: *time,
+            component,
+            message,
+            ..Self::completed(run, failure.recorded.as_deref())
+        }
     }
 }

@@ -23,6 +23,7 @@ pub struct Pool {
     job: &'static str,
     fmus: Fmus,
     needs_python: bool,
+    pace: Option<f64>,
     workers: Vec<Mutex<Option<Process>>>,
 }
 
@@ -62,13 +63,19 @@ impl Pool {
     pub fn new(settings: Settings, jobs: NonZeroUsize, fmus: &Fmus) -> Self {
         let needs_python = settings.libpython.is_some() && fmus.iter().any(|fmu| fmu.binary().needs_python());
         let workers = std::iter::repeat_with(Mutex::default).take(jobs.get()).collect();
-        Self { settings, job: JOB, fmus: fmus.clone(), needs_python, workers }
+        Self { settings, job: JOB, fmus: fmus.clone(), needs_python, pace: None, workers }
     }
 
     /// Changes the job of the workers. Workers with the new job must respond to the same requests.
     #[must_use]
     pub fn with_job(self, job: &'static str) -> Self {
         Self { job, ..self }
+    }
+
+    /// Executes a run in real time: simulated time advances `factor` times as fast as the clock. SIGTSTP pauses it.
+    #[must_use]
+    pub fn in_real_time(self, factor: Option<f64>) -> Self {
+        Self { pace: factor, ..self }
     }
 
     /// Loads all FMUs in one worker, as a check.
@@ -210,7 +217,12 @@ impl Pool {
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
         let worker = self.worker(slot).map_err(failed)?;
-        let (request, body) = Request::run(simulation, run, csv, is_repeated);
+        let pace = self.pace.filter(|_| !is_repeated);
+        #[cfg(unix)]
+        if pace.is_some() {
+            worker.pause_on_stop().map_err(|error| failed(error.to_string()))?;
+        }
+        let (request, body) = Request::run(simulation, run, csv, is_repeated, pace);
         worker.send(&request, &body);
         drop(body);
         let received = worker.receive(&mut Watch::new(self.settings.timeout), steps);
@@ -235,15 +247,16 @@ impl Pool {
             failed("the worker process sent an unexpected response".to_owned())
         };
         match response {
-            Response::Recorded { rows, columns, exact, messages, seconds } => {
+            Response::Recorded { rows, columns, exact, messages, seconds, real_time } => {
                 let recording = protocol::recording(rows, &columns, messages, seconds, worker.body());
                 recording
-                    .map(|recording| Recording { exact: exact.into_iter().collect(), ..recording })
+                    .map(|recording| Recording { exact: exact.into_iter().collect(), real_time, ..recording })
                     .map_err(|_| unexpected(slot))
             }
-            Response::Failed { failure, rows } => {
+            Response::Failed { failure, real_time, rows } => {
                 let recorded = rows.map(|(rows, columns)| {
-                    protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body()).map(Box::new)
+                    let recording = protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body());
+                    recording.map(|recording| Box::new(Recording { real_time, ..recording }))
                 });
                 let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
                 if failure.kind == FailureKind::Fatal {

@@ -2,12 +2,11 @@
 
 use crate::failure::Failure;
 use crate::results::Part;
-use crate::run::{Exact, InputSeries, Interpolation, Recording, Run, Setting, Simulation, Trial};
+use crate::run::{Exact, InputSeries, Interpolation, RealTime, Recording, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::io;
 use std::sync::Arc;
 
@@ -29,6 +28,9 @@ pub(super) enum Request {
         csv: Option<(Vec<String>, Part)>,
         /// True for a run that has crashed or hung before: its instances are neither terminated nor freed.
         is_repeated: bool,
+        /// Factor of a run in real time.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pace: Option<f64>,
     },
     Steady {
         simulation: Simulation,
@@ -55,9 +57,13 @@ pub(super) enum Response {
         exact: Vec<(usize, Exact)>,
         messages: Vec<(String, Message)>,
         seconds: f64,
+        #[serde(default)]
+        real_time: Option<RealTime>,
     },
     Failed {
         failure: Failure,
+        #[serde(default)]
+        real_time: Option<RealTime>,
         /// Number of rows before the failure, and which columns they have. The rows are in the body unless they were
         /// written to the file. `None` without rows.
         rows: Option<(usize, Vec<bool>)>,
@@ -71,6 +77,7 @@ impl Request {
         mut run: Run,
         csv: Option<(Vec<String>, Part)>,
         is_repeated: bool,
+        pace: Option<f64>,
     ) -> (Self, Vec<f64>) {
         let mut body = Vec::new();
         let mut series: Vec<Series> = Vec::new();
@@ -83,7 +90,7 @@ impl Request {
             body.extend_from_slice(&feed.values);
             series.push((feed.slot, feed.values.len(), feed.interpolation, is_same));
         }
-        (Self::Run { simulation: *simulation, run: Box::new(run), series, csv, is_repeated }, body)
+        (Self::Run { simulation: *simulation, run: Box::new(run), series, csv, is_repeated, pace }, body)
     }
 }
 
@@ -108,12 +115,14 @@ impl Response {
     /// A recording as header and body.
     pub(super) fn recorded(mut recording: Recording) -> (Self, Vec<Vec<f64>>) {
         let exact = std::mem::take(&mut recording.exact).into_iter().collect();
+        let real_time = recording.real_time;
         let ((rows, columns), body, messages, seconds) = parts(recording);
-        (Self::Recorded { rows, columns, exact, messages, seconds }, body)
+        (Self::Recorded { rows, columns, exact, messages, seconds, real_time }, body)
     }
 
     /// A failure as header, and the rows before it as body.
     pub(super) fn failed(mut failure: Failure) -> (Self, Vec<Vec<f64>>) {
+        let real_time = failure.recorded.as_ref().and_then(|recording| recording.real_time);
         let (rows, body) = match failure.recorded.take() {
             None => (None, Vec::new()),
             Some(recording) => {
@@ -121,7 +130,7 @@ impl Response {
                 (Some(rows), body)
             }
         };
-        (Self::Failed { failure, rows }, body)
+        (Self::Failed { failure, real_time, rows }, body)
     }
 }
 
@@ -145,7 +154,7 @@ pub(super) fn recording(
     let mut take = || body.take(rows).ok_or_else(|| invalid("a body is too short"));
     let time = take()?;
     let columns = columns.iter().map(|has| has.then(&mut take).transpose()).collect::<io::Result<_>>()?;
-    Ok(Recording { time, columns, exact: BTreeMap::new(), messages, seconds })
+    Ok(Recording { time, columns, messages, seconds, ..Recording::default() })
 }
 
 #[cfg(test)]

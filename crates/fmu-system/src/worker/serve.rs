@@ -26,7 +26,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::Failed { failure: Failure::new("", message), rows: None };
+    let failed = |message: String| Response::Failed { failure: Failure::new("", message), real_time: None, rows: None };
     match request {
         Request::Fmus(binaries) => {
             libraries.0 = binaries.into_iter().map(|binary| (binary, OnceCell::new())).collect();
@@ -41,7 +41,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
             });
             replies.send(&loaded.map_or_else(|error| failed(error.to_string()), |()| Response::Done), &[])
         }
-        Request::Run { simulation, mut run, series, csv, is_repeated } => {
+        Request::Run { simulation, mut run, series, csv, is_repeated, pace } => {
             run.series = protocol::series(&series, body)?;
             // The rows go to the file, if there is one, and not to the response.
             let kept = |recording: &mut Recording| {
@@ -52,7 +52,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 recording.exact.clear();
                 io::Result::Ok(())
             };
-            let executed = master::record(&simulation, &run, libraries, !is_repeated);
+            let executed = master::record(&simulation, &run, libraries, !is_repeated, pace);
             replies.end_copies();
             let (response, body) = match executed {
                 Err(mut failure) => match failure.recorded.as_deref_mut().map_or(Ok(()), kept) {
