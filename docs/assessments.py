@@ -1,6 +1,6 @@
 """Assess the vehicles of the library with the controllers of their papers, and write docs/assessments.md.
 
-Call `PYTHONPATH=scripts .venv/bin/python docs/assessments.py` after `scripts/setup --all` and `scripts/build`.
+Call `.venv/bin/python docs/assessments.py` after `scripts/setup --all` and `scripts/build`.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ SYSTEMS = (
 
 @dataclass(frozen=True)
 class Tuned:
-    """Metrics for which the page compares the values of scripts/tune_on_bench.py with the values of the paper."""
+    """Metrics for which the page compares the values of docs/tune_on_bench.py with the values of the paper."""
 
     name: str
     """Name of the tuning and of the parameter set."""
@@ -391,7 +391,7 @@ def label(row: Row) -> str:
 TUNED_HEAD = """
 ## Tuned on the bench
 
-`scripts/tune_on_bench.py` searches for better values of some controller parameters. The values are not those of the
+`docs/tune_on_bench.py` searches for better values of some controller parameters. The values are not those of the
 papers: they are fitted to the bench, with the same vehicles and control laws. The search requires the limits of sine
 with dwell for the car, and stability in sine with dwell for the rescue vehicle. Compared with the vehicle without
 controllers, and with a slack of 1 %, entry speeds must not be lower, load transfers of the truck must not be higher,

@@ -1,6 +1,6 @@
 """Tune parameters of controllers on the test bench, and write them to modelDescription/parameters/bench_*.ssv.
 
-`.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; each tuning
+`.venv/bin/python docs/tune_on_bench.py [NAME...]`, after `scripts/setup --all` and `scripts/build`; each tuning
 takes up to an hour. The requirements apply to the unchanged vehicle and to other conditions, such as a slippery road.
 The search (Optuna, tree-structured Parzen estimator) has a fixed seed: the same FMUs give the same values.
 """
@@ -321,7 +321,7 @@ def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            f"<!-- Tuned on the test bench by scripts/tune_on_bench.py: {tuning.plant} with {controllers}.",
+            f"<!-- Tuned on the test bench by docs/tune_on_bench.py: {tuning.plant} with {controllers}.",
             "     The values are not those of the paper; docs/assessments.md compares both. -->",
             '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"',
             f'                  version="1.0" name="{name}" description="Tuned on the test bench">',

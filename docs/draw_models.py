@@ -1,4 +1,4 @@
-"""Draw model.png for the models from their packed FMUs: `scripts/draw_models.py [NAMES]`, see `--help`."""
+"""Draw model.png for the models from their packed FMUs: `docs/draw_models.py [NAMES]`, see `--help`."""
 
 from __future__ import annotations
 
