@@ -127,6 +127,33 @@ pub fn dormand_prince<E>(
     Ok(())
 }
 
+/// Writes the state at `time + part * h`, with `part` from 0 to 1, within the last step of [`dormand_prince`] to `to`.
+/// `x`, `h`, `end` and `work` are those of the step. The interpolation has order 4 (Hairer, Norsett, Wanner, section
+/// II.6, with the coefficients from their program).
+///
+/// # Panics
+/// If a slice is shorter than [`dormand_prince`] requires.
+pub fn dormand_prince_within(part: f64, x: &[f64], h: f64, end: &[f64], work: &[f64], to: &mut [f64]) {
+    const D: [f64; 7] = [
+        -12_715_105_075.0 / 11_282_082_432.0,
+        0.0,
+        87_487_479_700.0 / 32_700_410_799.0,
+        -10_690_763_975.0 / 1_880_347_072.0,
+        701_980_252_875.0 / 199_316_789_632.0,
+        -1_453_857_185.0 / 822_651_844.0,
+        69_997_945.0 / 29_380_423.0,
+    ];
+    let (n, rest) = (x.len(), 1.0 - part);
+    for i in 0..n {
+        let k = |stage: usize| work[stage * n + i];
+        let change = end[i] - x[i];
+        let start = h * k(0) - change;
+        let bend = change - h * k(6) - start;
+        let fourth: f64 = D.iter().enumerate().map(|(stage, d)| d * k(stage)).sum();
+        to[i] = x[i] + part * (change + rest * (start + part * (bend + rest * (h * fourth))));
+    }
+}
+
 /// The value that [`rodas`] adds to each diagonal element of the negative Jacobian for a step of length `h`.
 #[must_use]
 pub fn rodas_diagonal(h: f64) -> f64 {
@@ -230,6 +257,46 @@ pub fn step_factor(norm: f64) -> f64 {
     if norm > 0.0 { (0.9 * crate::pow(norm, -0.2)).clamp(0.2, 5.0) } else { 5.0 }
 }
 
+/// Takes one step that the error control accepts, from `time`, at most `limit` long. Returns its length.
+///
+/// `attempt` makes a step of a length and returns its [`error_norm`], or `None` if this length is not possible; the last
+/// attempt is the step. `proposed` is the length that the step before proposes, 0 if there is none, and then the length
+/// for the next step.
+///
+/// # Errors
+/// The first error of `attempt`; `too_short` if the length no longer advances the time.
+pub fn controlled<E>(
+    proposed: &mut f64,
+    time: f64,
+    limit: f64,
+    mut attempt: impl FnMut(f64) -> Result<Option<f64>, E>,
+    too_short: impl FnOnce(f64) -> E,
+) -> Result<f64, E> {
+    // The first step is a small part of the limit, but is not lost when it is added to the time.
+    let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
+    let wanted = if *proposed > 0.0 { *proposed } else { first };
+    // Avoids leaving a tiny step before the limit.
+    let mut h = if 1.01 * wanted >= limit { limit } else { wanted };
+    loop {
+        // A short step up to the limit (the next event, or the end of the step) is not an error.
+        if h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE) {
+            return Err(too_short(h));
+        }
+        let Some(norm) = attempt(h)? else {
+            h *= 0.25;
+            continue;
+        };
+        let factor = step_factor(norm);
+        if norm <= 1.0 {
+            let next = h * factor;
+            // A step that was shortened by the limit must not reduce the next proposal.
+            *proposed = if h < wanted { wanted.max(next) } else { next };
+            return Ok(h);
+        }
+        h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -276,6 +343,24 @@ mod tests {
                 assert!((ratio / 2.0_f64.powi(order) - 1.0).abs() < 0.3, "order {order}: {ratio} of {errors:?}");
             }
         }
+    }
+
+    /// The error of the interpolation in a step of length h has the order 5 of h, as that of a method of order 4.
+    #[test]
+    fn a_step_can_be_interpolated() {
+        let error = |h: f64| {
+            let (mut end, mut error, mut work) = ([0.0], [0.0], [0.0; DORMAND_PRINCE_WORK]);
+            dormand_prince(f, 0.0, &[1.0], h, &mut end, &mut error, &mut work).unwrap();
+            let errors = [0.0, 0.3, 0.7, 1.0].map(|part| {
+                let mut x = [0.0];
+                dormand_prince_within(part, &[1.0], h, &end, &work, &mut x);
+                (x[0] - crate::exp(crate::sin(part * h))).abs()
+            });
+            assert!(errors[0] == 0.0 && errors[3] < errors[1], "{errors:?}");
+            errors[1].max(errors[2])
+        };
+        let ratio = error(0.1) / error(0.05);
+        assert!((ratio / 32.0 - 1.0).abs() < 0.3, "{ratio}");
     }
 
     #[test]

@@ -89,36 +89,20 @@ impl<'a, M: Continuous, K: Keep<M>, const PAUSES: bool> Integration<'a, M, K, PA
     /// Takes one step that the error control accepts, at most `limit` s long.
     fn accepted(&mut self, time: f64, x: &K::State, limit: f64, tolerance: f64) -> Result<(K::State, f64), String> {
         let Self { problem, run, progress, .. } = self;
-        // The first step is a small part of the limit, but is not lost when it is added to the time.
-        let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
-        let proposed = if run.proposed > 0.0 { run.proposed } else { first };
-        // Avoids leaving a tiny step before the limit.
-        let mut h = if 1.01 * proposed >= limit { limit } else { proposed };
-        loop {
+        let failed = |h| format!("the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s");
+        let (mut proposed, mut end) = (run.proposed, None);
+        let attempt = |h| {
             progress.attempts += 1;
-            // A short step up to the limit (the next event, or the end of the step) is not an error.
-            let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
-            if progress.attempts as f64 > MOST_PARTS || is_too_short {
-                return Err(format!(
-                    "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
-                ));
+            if progress.attempts as f64 > MOST_PARTS {
+                return Err(failed(h));
             }
-            let Some(end) = K::estimated(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch)
-            else {
-                h *= 0.25;
-                continue;
-            };
-            let norm = K::error_norm(x, &end, tolerance, &run.scratch);
-            let factor = ode::step_factor(norm);
-            if norm <= 1.0 {
-                let next = h * factor;
-                // A step that was shortened by the limit must not reduce the next proposal.
-                run.proposed = if h < proposed { proposed.max(next) } else { next };
-                return Ok((end, h));
-            }
-            K::recycle(end, &mut run.scratch);
-            h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
-        }
+            end.take().into_iter().for_each(|rejected| K::recycle(rejected, &mut run.scratch));
+            end = K::estimated(problem, x, Interval { time, h, discrete: &run.discrete }, &mut run.scratch);
+            Ok(end.as_ref().map(|end| K::error_norm(x, end, tolerance, &run.scratch)))
+        };
+        let h = ode::controlled(&mut proposed, time, limit, attempt, failed)?;
+        run.proposed = proposed;
+        end.map(|end| (end, h)).ok_or_else(|| failed(h))
     }
 
     /// Advances to `end`, from event to event.
