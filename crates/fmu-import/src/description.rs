@@ -600,12 +600,10 @@ impl ModelDescription {
         interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
     }
 
-    /// The interface with which a master steps the FMU: co-simulation, otherwise scheduled execution if the FMU has it.
+    /// The interface with which a master steps the FMU, unless it chooses another one: the first that the FMU has of
+    /// co-simulation, model exchange and scheduled execution.
     pub fn stepped_interface(&self) -> Interface {
-        match (&self.co_simulation, &self.scheduled_execution) {
-            (None, Some(_)) => Interface::ScheduledExecution,
-            _ => Interface::CoSimulation,
-        }
+        self.interfaces().first().copied().unwrap_or(Interface::CoSimulation)
     }
 
     /// The capabilities of an interface; `None` if the FMU does not have it.

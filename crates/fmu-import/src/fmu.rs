@@ -61,6 +61,13 @@ impl Binary {
         Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
     }
 
+    /// Returns true if this is the binary for instances of an FMU with these structural parameters, in model exchange or
+    /// in another interface.
+    pub fn is_of(&self, fmu: &Path, structure: &StructuralParameters, is_exchange: bool) -> bool {
+        let is_same_interface = (self.signature.interface == Interface::ModelExchange) == is_exchange;
+        self.fmu == fmu && self.structure == *structure && is_same_interface
+    }
+
     /// Loads the library, which another process has unpacked.
     pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
         self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
@@ -112,10 +119,14 @@ impl Fmu {
     }
 
     /// Like [`Self::unpack`], for a master that connects scalars: array elements are variables of the description, see
-    /// [`ModelDescription::with_elements`]. The instances have these values of structural parameters. An FMU without
-    /// co-simulation is opened for scheduled execution.
-    pub fn unpack_by_element(path: impl AsRef<Path>, structure: &StructuralParameters) -> Result<Self, FmuError> {
-        let Self(inner) = Self::unpack_with(path.as_ref(), None, structure)?;
+    /// [`ModelDescription::with_elements`]. The instances have these values of structural parameters. Without an
+    /// interface, the FMU is opened for [`ModelDescription::stepped_interface`].
+    pub fn unpack_by_element(
+        path: impl AsRef<Path>,
+        structure: &StructuralParameters,
+        interface: Option<Interface>,
+    ) -> Result<Self, FmuError> {
+        let Self(inner) = Self::unpack_with(path.as_ref(), interface, structure)?;
         let Inner { description, binary, unpacked, .. } = &*inner;
         let (description, binary) = (description.clone().with_elements(), binary.clone());
         Ok(Self(Arc::new(Inner { description, binary, unpacked: Arc::clone(unpacked), library: OnceLock::new() })))

@@ -16,6 +16,7 @@ mod error;
 mod floats;
 mod functions;
 mod instance;
+mod integration;
 mod library;
 #[cfg(target_os = "linux")]
 pub(crate) mod linux;
@@ -35,6 +36,7 @@ pub use clocks::{AskedInterval, MOST_ITERATIONS};
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use floats::take_restored;
 pub use instance::Instance;
+pub use integration::Solver;
 pub use library::{Library, exported_descriptions, not_exported};
 pub use model_exchange::{CompletedStep, EventUpdate};
 pub use scheduled::Activation;

@@ -3,7 +3,7 @@
 use crate::c_api::Reference;
 use crate::description::{
     ArrayElement, BaseType, Causality, Clock, DataType, FmiVersion, Interface, IntervalVariability, ModelDescription,
-    Value, Variability, Variable,
+    Unknown, Value, Variability, Variable,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -32,6 +32,35 @@ pub(crate) struct Signature {
     pub(crate) clocked: Vec<Clocked>,
     /// Structural parameters that are set after instantiation.
     pub(crate) structure: Vec<(Reference, Value)>,
+    pub(crate) exchange: Exchange,
+}
+
+/// What the integration of an FMU for model exchange needs.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Exchange {
+    pub(crate) needs_completed_step: bool,
+    /// True if the FMU returns directional derivatives of `derivatives` with respect to `states`.
+    pub(crate) has_derivatives: bool,
+    pub(crate) states: Vec<Reference>,
+    pub(crate) derivatives: Vec<Reference>,
+    /// Names of the event indicators (FMI 3.0).
+    pub(crate) indicators: Vec<String>,
+}
+
+impl Exchange {
+    fn new(description: &ModelDescription) -> Option<Self> {
+        let unit = description.model_exchange.as_ref()?;
+        let variable = |unknown: &Unknown| &description.variables[unknown.variable];
+        let derivatives = || description.derivatives.iter().map(variable);
+        let states: Vec<_> = derivatives().filter_map(|derivative| derivative.derivative_of).collect();
+        Some(Self {
+            needs_completed_step: unit.needs_completed_integrator_step,
+            has_derivatives: unit.provides_directional_derivative && states.len() == derivatives().count(),
+            states: states.into_iter().map(|state| description.variables[state].reference).collect(),
+            derivatives: derivatives().map(|derivative| derivative.reference).collect(),
+            indicators: description.event_indicators.iter().flat_map(|unknown| variable(unknown).elements()).collect(),
+        })
+    }
 }
 
 /// An input clock that the loader activates.
@@ -148,6 +177,7 @@ impl Signature {
             .collect();
         Self {
             structure,
+            exchange: Exchange::new(description).filter(|_| !has_ticks).unwrap_or_default(),
             clocks,
             output_clocks,
             has_clocks: is_scheduled || (has_ticks && !description.clocks.is_empty()),

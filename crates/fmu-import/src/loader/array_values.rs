@@ -26,7 +26,7 @@ pub(super) struct Part<T> {
 }
 
 /// A type of array elements.
-pub(super) trait Kept: Copy + Default {
+pub(super) trait Kept: Copy + Default + PartialEq {
     fn part(whole: &mut Whole) -> &mut Part<Self>;
     fn of(start: &Value) -> Option<Self>;
 }

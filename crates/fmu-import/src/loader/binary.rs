@@ -86,6 +86,7 @@ impl Instance {
             let to = |value: &V| Some(Value::Binary { hex: value.as_ref().to_vec() });
             return self.set_held(refs, values, to, Self::set_binary);
         }
+        self.is_set_now(refs, &[], Self::get_real)?;
         const NAME: Function = Function::SetBinary;
         self.same_length(NAME, self.elements(refs), values.len())?;
         if self.has_special(refs) && self.has_elements(refs) {

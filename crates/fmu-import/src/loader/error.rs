@@ -104,7 +104,7 @@ pub enum CallProblem {
     EarlyReturn,
     /// The arguments are invalid; the FMU was not called.
     Arguments(&'static str),
-    /// Clocks do not come to rest at an event.
+    /// An event or the integration of the states cannot be completed for this reason.
     Events(String),
     /// A previous call returned `fmi2Fatal` or `fmi3Fatal`; the FMU was not called.
     Dead,

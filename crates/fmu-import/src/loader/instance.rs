@@ -7,6 +7,7 @@ use super::clocks::Clocks;
 use super::error::{CallError, CallProblem, Message, Status};
 use super::floats::{self, FloatEnvironment};
 use super::functions::{Functions, v3};
+use super::integration::{Integration, Point};
 use super::library::Library;
 use super::scheduled;
 use crate::c_api::v3::RawBoolean;
@@ -58,8 +59,10 @@ pub struct Instance {
     pub(super) buffers: Buffers,
     /// Clocks of an FMU of FMI 3.0, if it has any.
     pub(super) clocks: Option<Box<Clocks>>,
-    /// The clocks of each of `states`.
-    pub(super) saved_clocks: Vec<Option<Box<Clocks>>>,
+    /// The integrator, if `do_step` integrates the states.
+    pub(super) integration: Option<Box<Integration>>,
+    /// The clocks and the position of the integrator of each of `states`.
+    pub(super) saved: Vec<(Option<Box<Clocks>>, Option<Point>)>,
     pub(super) log: OpenLog,
     // The instance keeps a pointer to the callbacks until it is freed.
     _callbacks: Box<CallbackFunctions>,
@@ -189,7 +192,8 @@ impl Instance {
             whole: Whole::default(),
             buffers: Buffers::default(),
             clocks: Clocks::of(&library.signature),
-            saved_clocks: Vec::new(),
+            integration: None,
+            saved: Vec::new(),
             log,
             _callbacks: callbacks,
             library: Arc::clone(library),
@@ -392,6 +396,7 @@ impl Instance {
         }
         // SAFETY: live instance.
         self.call(Function::ExitInitializationMode, |f, c| unsafe { f.exit_initialization_mode()(c) })?;
+        self.start_integration()?;
         if self.clocks.is_some() { self.enter_first_step_mode() } else { Ok(()) }
     }
 
@@ -406,16 +411,21 @@ impl Instance {
         self.has_entered = false;
         self.whole = Whole::default();
         self.clocks = Clocks::of(self.signature());
+        if let Some(own) = &self.integration {
+            self.integrate(own.solver);
+        }
         // SAFETY: live instance.
         self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })?;
         self.configure()
     }
 
-    /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval.
+    /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval; in
+    /// model exchange, the integration over it ([`Self::integrate`]).
     /// No earlier state may be restored afterwards. Also fails if the FMU has not finished the step, or ends the
     /// simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         match &self.clocks {
+            _ if self.integration.is_some() => self.step_integration(time, step),
             None => self.step(time, step),
             Some(_) if self.is_scheduled() => self.step_partitions(time, step),
             Some(_) => self.step_with_clocks(time, step),

@@ -9,6 +9,7 @@ use crate::c_api;
 use std::ptr;
 
 const NO_CLOCKS: CallProblem = CallProblem::Arguments("the bytes do not contain the clocks of this FMU");
+const NO_POINT: CallProblem = CallProblem::Arguments("the bytes do not contain the position of the integrator");
 
 /// A state saved with [`Instance::save_state`]; valid only for the instance that saved it.
 #[derive(Debug)]
@@ -35,7 +36,8 @@ impl Instance {
     fn keep(&mut self, state: c_api::State) -> SavedState {
         let owner = self.owner();
         self.states.push(state);
-        self.saved_clocks.push(self.clocks.clone());
+        let point = self.integration.as_ref().map(|own| own.point.clone());
+        self.saved.push((self.clocks.clone(), point));
         SavedState { owner, slot: self.states.len() - 1 }
     }
 
@@ -60,7 +62,9 @@ impl Instance {
         let result = self.call_optional(NAME, Functions::get_state, get);
         // The FMU may have replaced the pointer, even if it failed.
         self.states[saved.slot] = state;
-        self.saved_clocks[saved.slot].clone_from(&self.clocks);
+        let (clocks, point) = &mut self.saved[saved.slot];
+        clocks.clone_from(&self.clocks);
+        *point = self.integration.as_ref().map(|own| own.point.clone());
         result
     }
 
@@ -74,7 +78,11 @@ impl Instance {
             // SAFETY: live instance; the state is one that this instance returned.
             |f, c| unsafe { f(c, state) },
         )?;
-        self.clocks.clone_from(&self.saved_clocks[saved.slot]);
+        let (clocks, point) = &self.saved[saved.slot];
+        self.clocks.clone_from(clocks);
+        if let (Some(own), Some(point)) = (&mut self.integration, point) {
+            own.point.clone_from(point);
+        }
         Ok(())
     }
 
@@ -114,16 +122,18 @@ impl Instance {
             self.overrun = Some(NAME);
         }
         bytes.truncate(size);
-        if let Some(clocks) = &self.saved_clocks[saved.slot] {
+        if let Some(clocks) = &self.saved[saved.slot].0 {
             clocks.append(&mut bytes);
         }
         Ok(bytes)
     }
 
-    /// `fmi2DeSerializeFMUstate`: restores a saved state from its bytes.
+    /// `fmi2DeSerializeFMUstate`: restores a saved state from its bytes. They do not contain the position of the
+    /// integrator ([`Self::integrate`]), so this fails if there is one.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         const NAME: Function = Function::DeserializeFmuState;
         let clocks = match &self.clocks {
+            _ if self.integration.is_some() => return Err(self.failure(NAME, NO_POINT)),
             Some(_) => match Clocks::split(bytes, self.signature()) {
                 Some(parts) => Some(parts),
                 None => return Err(self.failure(NAME, NO_CLOCKS)),
@@ -140,7 +150,7 @@ impl Instance {
             }
         })?;
         let saved = self.keep(state);
-        self.saved_clocks[saved.slot] = clocks;
+        self.saved[saved.slot].0 = clocks;
         Ok(saved)
     }
 }

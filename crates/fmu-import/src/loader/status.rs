@@ -21,9 +21,9 @@ impl Instance {
         self.call_optional(Function::CancelStep, |f| v2(f)?.cancel_step, |f, c| unsafe { f(c) })
     }
 
-    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the last `fmi3DoStep`, s.
+    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`, or the result of the last `fmi3DoStep` or integration, s.
     pub fn last_successful_time(&mut self) -> Result<f64, CallError> {
-        if self.fmi() == FmiVersion::V3 {
+        if self.fmi() == FmiVersion::V3 || self.integration.is_some() {
             return Ok(self.step_end.time);
         }
         let mut value = 0.0;
@@ -33,9 +33,9 @@ impl Instance {
         Ok(value)
     }
 
-    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the last `fmi3DoStep`.
+    /// `fmi2GetBooleanStatus(fmi2Terminated)`, or the result of the last `fmi3DoStep` or integration.
     pub fn wants_termination(&mut self) -> Result<bool, CallError> {
-        if self.fmi() == FmiVersion::V3 {
+        if self.fmi() == FmiVersion::V3 || self.integration.is_some() {
             return Ok(self.step_end.terminate != 0);
         }
         let mut value = 0;

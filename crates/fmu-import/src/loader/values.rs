@@ -1,7 +1,7 @@
 //! Values and derivatives of variables.
 
 use super::calls::Function;
-use super::error::CallError;
+use super::error::{CallError, CallProblem};
 use super::functions::{Functions, v2, v3};
 use super::instance::Instance;
 use super::special::{TOO_LARGE, WholeNumber};
@@ -9,6 +9,8 @@ use super::strings::text;
 use crate::c_api::{self, Reference};
 use crate::description::{BaseType, FmiVersion, Value, Variable};
 use std::ptr;
+
+const NOT_SLOPE: CallProblem = CallProblem::Arguments("the order of an input's derivative must be 1");
 
 impl Instance {
     /// The values of all elements of a variable.
@@ -228,6 +230,10 @@ impl Instance {
         if self.has_clocked(refs) {
             return self.set_held(refs, values, |value| Some(Value::Real(*value)), Self::set_real);
         }
+        self.keep_inputs(refs, values);
+        if !self.is_set_now(refs, values, Self::get_real)? {
+            return Ok(());
+        }
         if self.has_special(refs) {
             if self.has_elements(refs) {
                 return self.set_elements(refs, values, Self::get_real, Self::set_real);
@@ -244,6 +250,9 @@ impl Instance {
         if self.has_clocked(refs) {
             let to = |value: &T| value.whole().and_then(Value::integer);
             return self.set_held(refs, values, to, Self::set_integer);
+        }
+        if !self.is_set_now(refs, values, Self::get_integer)? {
+            return Ok(());
         }
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -276,6 +285,9 @@ impl Instance {
         if self.has_clocked(refs) {
             return self.set_held(refs, values, |value| Some(Value::Boolean(*value != 0)), Self::set_boolean);
         }
+        if !self.is_set_now(refs, values, Self::get_boolean)? {
+            return Ok(());
+        }
         if self.fmi() == FmiVersion::V3 {
             if self.has_special(refs) && self.has_elements(refs) {
                 return self.set_elements(refs, values, Self::get_boolean, Self::set_boolean);
@@ -298,6 +310,7 @@ impl Instance {
             let to = |value: &&str| Some(Value::String((*value).to_owned()));
             return self.set_held(refs, values, to, Self::set_string);
         }
+        self.is_set_now(refs, &[], Self::get_real)?;
         if self.has_special(refs) && self.has_elements(refs) {
             let texts: Vec<String> = values.iter().map(|text| (*text).to_owned()).collect();
             let of = |start: &Value| if let Value::String(text) = start { Some(text.clone()) } else { None };
@@ -379,7 +392,8 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetRealInputDerivatives`; one order per reference, from 1.
+    /// `fmi2SetRealInputDerivatives`; one order per reference, from 1. If [`Self::do_step`] integrates the states, the
+    /// input follows its slope during the step; other orders are errors.
     pub fn set_real_input_derivatives(
         &mut self,
         refs: &[Reference],
@@ -389,6 +403,10 @@ impl Instance {
         const NAME: Function = Function::SetInputDerivatives;
         self.same_length(NAME, refs.len(), values.len())?;
         self.same_length(NAME, refs.len(), orders.len())?;
+        if self.integration.is_some() {
+            let is_slope = orders.iter().all(|order| *order == 1);
+            return if is_slope { self.keep_slopes(refs, values) } else { Err(self.failure(NAME, NOT_SLOPE)) };
+        }
         // SAFETY: live instance; all arrays have the stated length.
         self.call_present(NAME, |f, c| unsafe {
             match f {
