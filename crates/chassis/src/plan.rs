@@ -197,7 +197,8 @@ fn components(plan: &Plan) -> Vec<String> {
             (1, substeps) => format!(", {substeps} steps per step"),
             (every, _) => format!(", steps every {every} steps"),
         };
-        let parameters = format!("FMI {}, sets {set}{steady}{rate}", component.fmi);
+        let solver = component.integration.map_or(String::new(), |by| format!(", model exchange with {by}"));
+        let parameters = format!("FMI {}, sets {set}{steady}{rate}{solver}", component.fmi);
         let row = [component.name.clone(), fmu, parameters];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),

@@ -6,7 +6,7 @@
 //!   connectors, units of measure and connections, a parameter set for every component, the FMUs, and the annotations
 //!   from which OMSimulator and libcosim take the step (Ecos and FMPy take it from the caller),
 //! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out if a component
-//!   is of FMI 3.0, which libcosim does not support.
+//!   is of FMI 3.0 or in model exchange, which libcosim does not support.
 //!
 //! Constant inputs become start values in both. Neither format defines the order of the components within a step, the
 //! recording, or the metrics. Recorded outputs become connectors, so a tool that records all connectors also records
@@ -93,6 +93,8 @@ pub struct Component {
     /// Its file name.
     pub file: String,
     fmi: FmiVersion,
+    /// True in model exchange. SSP has no place for the solver.
+    is_exchange: bool,
     /// Inputs that are written, and outputs that are read or recorded.
     pub connectors: Vec<Connector>,
     /// Values of parameters and of inputs that nothing writes.
@@ -180,6 +182,7 @@ impl System {
                 file: file_name(&fmu)?,
                 fmu,
                 fmi: description.fmi,
+                is_exchange: planned.integration.is_some(),
                 connectors: Vec::new(),
                 values: Vec::new(),
                 value_types: HashMap::new(),
@@ -294,8 +297,10 @@ impl System {
         let package = format!("{}.ssp", self.name);
         ssp::write(self, &fmus, &new.join(&package)).map_err(at(&folder.join(&package)))?;
         let mut files = vec![folder.join(package)];
-        // Structures of OSP do not convert values.
-        if !self.has_fmi_3() && self.connections.iter().all(|connection| connection.conversion.is_none()) {
+        // Structures of OSP do not convert values, and libcosim integrates nothing.
+        let is_stepped = self.components.iter().all(|component| !component.is_exchange);
+        if is_stepped && !self.has_fmi_3() && self.connections.iter().all(|connection| connection.conversion.is_none())
+        {
             osp::structure(self)
                 .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
                 .map_err(at(&folder.join(OSP_STRUCTURE)))?;

@@ -109,7 +109,7 @@ impl Fmus {
             if fmus.get(component).is_ok() {
                 continue;
             }
-            let fmu = Fmu::unpack_by_element(&component.fmu, &component.structure)?;
+            let fmu = Fmu::unpack_by_element(&component.fmu, &component.structure, component.interface())?;
             if fmu.description().guid != component.guid {
                 return Err(FmusError::Changed {
                     path: fmu.path().to_path_buf(),
@@ -124,9 +124,8 @@ impl Fmus {
 
     /// Returns the FMU of a component, with its structural parameters.
     pub fn get(&self, component: &Component) -> Result<&Fmu, FmusError> {
-        let Component { fmu, structure, .. } = component;
-        let is_found = |found: &&Fmu| found.path() == Path::new(fmu) && found.description().structure == *structure;
-        self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(fmu.clone()))
+        let is_found = |found: &&Fmu| component.uses(found.binary());
+        self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(component.fmu.clone()))
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Fmu> {

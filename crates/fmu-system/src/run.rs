@@ -6,11 +6,15 @@
 
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, FmiVersion, ModelDescription, StructuralParameters, Value, Variable};
-use fmu_import::loader::Message;
+use fmu_import::description::{
+    BaseType, FmiVersion, Interface, ModelDescription, StructuralParameters, Value, Variable,
+};
+use fmu_import::fmu::Binary;
+use fmu_import::loader::{Message, Solver};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::{BTreeMap, HashSet};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Times, s, order of execution, and coupling.
@@ -277,6 +281,9 @@ pub struct Component {
     /// Structural parameters to set after instantiation (FMI 3.0).
     #[serde(default, skip_serializing_if = "StructuralParameters::is_empty")]
     pub structure: StructuralParameters,
+    /// Solver of a component that the master integrates (model exchange); `None` for any other interface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub integration: Option<Solver>,
     /// Parameters to set before initialization, sorted by name.
     pub parameters: Vec<Setting>,
     /// Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
@@ -311,6 +318,16 @@ pub struct ArrayElements {
 }
 
 impl Component {
+    /// The interface, if it is not the one that the master chooses.
+    pub(crate) fn interface(&self) -> Option<Interface> {
+        self.integration.map(|_| Interface::ModelExchange)
+    }
+
+    /// Returns true if this is the binary of the component.
+    pub(crate) fn uses(&self, binary: &Binary) -> bool {
+        binary.is_of(Path::new(&self.fmu), &self.structure, self.integration.is_some())
+    }
+
     /// Lists the arrays with elements that the component uses; all if it starts in a steady state.
     pub(crate) fn list_arrays(&mut self, description: &ModelDescription) {
         let settings = self.parameters.iter().chain(&self.constants).map(|setting| setting.reference);

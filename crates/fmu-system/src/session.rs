@@ -789,7 +789,10 @@ fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Component>, FmusEr
             if let Some(board) = calls::board() {
                 board.component(index);
             }
-            let instance = fmus.of(component)?;
+            let mut instance = fmus.of(component)?;
+            if let Some(solver) = component.integration {
+                instance.integrate(solver);
+            }
             Ok(Component {
                 inputs: Port::new(&instance, &component.inputs),
                 outputs: Port::new(&instance, &component.outputs),

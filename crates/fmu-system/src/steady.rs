@@ -8,19 +8,19 @@ use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::run::{Component, Run, Setting, Simulation};
 use crate::session::Session;
-use fmu_import::description::{BaseType, Causality, ModelDescription, Value};
+use fmu_import::description::{BaseType, Causality, Interface, ModelDescription, Value};
 use fmu_linear::trim::{self, Request};
 
 /// Maximum number of searches until the inputs stay the same.
 const ROUNDS: usize = 20;
 
 /// Checks in the description whether a component can start in a steady state.
-pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
-    if description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative) {
+pub(crate) fn check(description: &ModelDescription, interface: Interface) -> Result<(), String> {
+    if description.interface(interface).is_some_and(|unit| unit.provides_directional_derivative) {
         return trim::check(description);
     }
     Err(format!(
-        "{} has no steady state: it lists no directional derivatives for co-simulation, which a plant does",
+        "{} has no steady state: it lists no directional derivatives for {interface}, which a plant does",
         description.model_name
     ))
 }

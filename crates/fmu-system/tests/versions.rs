@@ -195,16 +195,25 @@ fn fmi_3_is_exported_as_ssp_2() {
     assert!(error.contains("`decay:v[2]` is an element of an array, which no other master connects"), "{error}");
 }
 
-/// A component must support co-simulation.
+/// An FMU with model exchange only is integrated by the master, and exported as such.
 #[test]
-fn a_component_for_model_exchange_only_is_a_mistake() {
+fn a_component_for_model_exchange_only_needs_no_key() {
     let folder = folder();
-    let line = include_str!("../../fmu-import/tests/data/decay3.xml");
+    let line = include_str!("../../fmu-import/tests/data/decay2.xml");
     let line = line.lines().find(|line| line.contains("<CoSimulation")).unwrap();
-    Decay { edits: &[(line, "")], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
-    let mistakes = plan(&folder, &scenario(FmiVersion::V3)).unwrap_err();
-    let expected = "has neither an interface for co-simulation nor one for scheduled execution; scenarios need one to step their FMUs";
-    assert!(mistakes[0].ends_with(expected), "{mistakes:?}");
+    Decay { edits: &[(line, "")], ..Decay::new(FmiVersion::V2) }.pack(folder.path());
+    let plan = plan(&folder, &scenario(FmiVersion::V2)).unwrap();
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+    for (k, x) in column(&plan, &recording, "x").iter().enumerate() {
+        assert!((x - (-0.02 * k as f64).exp()).abs() < 1e-6, "{k}: {x}");
+    }
+    let files = System::new(&plan, &plan.runs[0]).unwrap().write(&folder.path().join("system"), false).unwrap();
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(&files[0]).unwrap()).unwrap();
+    let structure = std::io::read_to_string(archive.by_name(STRUCTURE).unwrap()).unwrap();
+    assert!(structure.contains("source=\"resources/Decay2.fmu\" implementation=\"ModelExchange\""), "{structure}");
+    // libcosim integrates nothing.
+    assert_eq!(files.len(), 1);
 }
 
 const ALIASES: &str = r#"

@@ -121,7 +121,7 @@ fn component(xml: &mut Xml, component: &Component) -> io::Result<()> {
         ("name", component.name.as_str()),
         ("type", "application/x-fmu-sharedlibrary"),
         ("source", &format!("resources/{}", component.file)),
-        ("implementation", "CoSimulation"),
+        ("implementation", if component.is_exchange { "ModelExchange" } else { "CoSimulation" }),
     ];
     element(xml, "ssd:Component", &attributes, |xml| {
         if !component.connectors.is_empty() {

@@ -2,9 +2,11 @@
 
 use super::fmus::{Descriptions, Found};
 use super::system::{CaseComponent, Replaced, Resolver, System, context, replacement};
-use crate::scenario::Component;
+use crate::scenario::{Component, ComponentInterface, ComponentKind, SolverKind};
+use crate::spanned::Spanned;
 use crate::steady;
-use fmu_import::description::{Causality, StructuralParameters, Variable};
+use fmu_import::description::{Causality, Interface, StructuralParameters, Variable};
+use fmu_import::loader::Solver;
 use fmu_import::names::{any_of, suggestion};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -39,8 +41,12 @@ impl<'a> Resolver<'a> {
                 let Some(found) = found.and_then(|found| self.with_structure(component, found, other.is_some())) else {
                     continue;
                 };
+                let Some(integration) = self.integration(component, &found, other.is_some()) else { continue };
                 if let Some(place) = component.steady()
-                    && let Err(message) = steady::check(&found.description)
+                    && let Err(message) = steady::check(
+                        &found.description,
+                        integration.map_or(Interface::CoSimulation, |_| Interface::ModelExchange),
+                    )
                 {
                     let help = "remove `start`, or set it for a component with states".to_string();
                     self.problems.add_with_help(place, message, Some(help));
@@ -61,6 +67,7 @@ impl<'a> Resolver<'a> {
                     inputs: Vec::new(),
                     conversions: HashMap::new(),
                     clocks: Vec::new(),
+                    integration,
                     dropped: false,
                 });
             }
@@ -95,6 +102,63 @@ impl<'a> Resolver<'a> {
         found.with_structure(&structure).map_err(|message| self.problems.add(component.fmu.span(), message)).ok()
     }
 
+    /// The solver of a component; the inner `None` is for one that is not in model exchange. Another FMU that a case
+    /// names ignores keys for an interface that it does not have.
+    fn integration(&mut self, component: &Component, found: &Found, is_other: bool) -> Option<Option<Solver>> {
+        let Component { interface, solver, tolerance, max_step, kind, .. } = component;
+        let description = &found.description;
+        let mut fail = |place: Range<usize>, message: String, help: &str| {
+            self.problems.add_with_help(place, message, (!help.is_empty()).then(|| help.to_owned()));
+            None
+        };
+        let mut used = description.stepped_interface();
+        if let Some(key) = interface {
+            let wanted = match **key {
+                ComponentInterface::CoSimulation => Interface::CoSimulation,
+                ComponentInterface::ModelExchange => Interface::ModelExchange,
+            };
+            let has_it = description.interface(wanted).is_some();
+            if !has_it && !is_other {
+                let message = format!("{} has no interface for {wanted}, only for {used}", found.path);
+                return fail(key.span(), message, "leave out `interface`");
+            }
+            used = if has_it { wanted } else { used };
+        }
+        let [solver_at, tolerance_at, step_at, kind_at] = [
+            solver.as_ref().map(Spanned::span),
+            tolerance.as_ref().map(Spanned::span),
+            max_step.as_ref().map(Spanned::span),
+            kind.as_ref().filter(|kind| ***kind == ComponentKind::Discrete).map(Spanned::span),
+        ];
+        if used != Interface::ModelExchange {
+            let Some(place) = solver_at.or(tolerance_at).or(step_at).filter(|_| !is_other) else { return Some(None) };
+            let message = format!("only components in model exchange have a solver; {} is used for {used}", found.path);
+            return fail(place, message, "set `interface = \"model-exchange\"` if the FMU has it");
+        }
+        if let Some(place) = kind_at {
+            return fail(place, "a component in model exchange must be continuous".to_owned(), "leave out `kind`");
+        }
+        if let Some(clock) = description.clocks.first() {
+            let reason = "has clocks, which masters do not activate in model exchange, such as";
+            return fail(component.fmu.span(), format!("{} {reason} `{}`", found.path, clock.name), "");
+        }
+        for (key, least, most) in [(tolerance, 1e-14, 0.1), (max_step, 1e-6, 1e6)] {
+            if let Some(key) = key.as_ref().filter(|key| !(least..=most).contains(key.get_ref())) {
+                return fail(key.span(), format!("the value must be from {least:e} to {most}, got {}", **key), "");
+            }
+        }
+        let tolerance = tolerance.as_ref().map_or(1e-6, |tolerance| **tolerance);
+        let problem = match (solver.as_ref().map_or(SolverKind::DormandPrince, |solver| **solver), max_step) {
+            (SolverKind::RungeKutta, _) if tolerance_at.is_some() => "the solver runge_kutta has no `tolerance`",
+            (SolverKind::RungeKutta, None) => "the solver runge_kutta needs `max_step`, the length of its steps in s",
+            (SolverKind::RungeKutta, Some(step)) => return Some(Some(Solver::RungeKutta { max_step: **step })),
+            (_, Some(_)) => "only the solver runge_kutta has `max_step`",
+            (SolverKind::DormandPrince, None) => return Some(Some(Solver::DormandPrince { tolerance })),
+            (SolverKind::Rosenbrock, None) => return Some(Some(Solver::Rosenbrock { tolerance })),
+        };
+        fail(tolerance_at.or(step_at).or(solver_at).unwrap_or_default(), problem.to_owned(), "")
+    }
+
     /// Finds the FMU with this name, written at `span`; adds it to `missing` if it does not exist.
     fn find<'s>(
         &mut self,
@@ -104,13 +168,8 @@ impl<'a> Resolver<'a> {
         missing: &mut Vec<(&'s str, Range<usize>)>,
     ) -> Option<Found> {
         match source.find(name) {
-            Ok(Some(found)) if found.description.interface(found.description.stepped_interface()).is_none() => {
-                let message = format!(
-                    "{} has neither an interface for co-simulation nor one for scheduled execution; scenarios need one to \
-                     step their FMUs",
-                    found.path
-                );
-                self.problems.add(span, message);
+            Ok(Some(found)) if found.description.interfaces().is_empty() => {
+                self.problems.add(span, format!("{} declares no interface", found.path));
                 None
             }
             Ok(Some(found)) => Some(found),

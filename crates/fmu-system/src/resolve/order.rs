@@ -10,13 +10,15 @@ use fmu_import::description::{BaseType, Causality, Variability};
 const MAX_CYCLE: usize = 12;
 
 impl CaseComponent<'_> {
-    /// Returns true if the component takes samples: all its outputs are discrete, unless the scenario declares its kind.
+    /// Returns true if the component takes samples: all its outputs are discrete and it is not in model exchange, unless
+    /// the scenario declares its kind.
     pub(super) fn is_discrete(&self) -> bool {
         let is_sampled = |v: &fmu_import::description::Variable| {
             v.base_type != BaseType::Real || v.variability == Variability::Discrete
         };
-        match self.component.kind {
+        match self.component.kind.as_ref().map(|kind| *kind.get_ref()) {
             Some(kind) => kind == ComponentKind::Discrete,
+            None if self.integration.is_some() => false,
             None => self.all(Causality::Output).all(|(_, variable)| is_sampled(variable)),
         }
     }

@@ -198,9 +198,8 @@ impl<'a> Graph<'a> {
         };
         let components: BTreeSet<usize> = members().map(|output| output.component).collect();
         let has_derivatives = |component: &usize| {
-            let interface = self.members[*component].found.description.co_simulation.as_ref();
             let has_elements = members().any(|output| output.variable.element.is_some());
-            !has_elements && interface.is_some_and(|interface| interface.provides_directional_derivative)
+            !has_elements && self.members[*component].has(|unit| unit.provides_directional_derivative)
         };
         let name =
             |component: usize, variable: &Variable| format!("{}:{}", self.members[component].name(), variable.name);

@@ -9,7 +9,8 @@ use crate::problem::{Collector, Context};
 use crate::run::Linear;
 use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
 use crate::spanned::Spanned;
-use fmu_import::description::{BaseType, Capabilities, Causality, Clock, FmiVersion, Value, Variable};
+use fmu_import::description::{BaseType, Capabilities, Causality, Clock, FmiVersion, Interface, Value, Variable};
+use fmu_import::loader::Solver;
 use fmu_import::names::similar;
 use fmu_import::parameter_set::ParameterSet;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -28,6 +29,8 @@ pub(super) struct CaseComponent<'a> {
     /// Triggered input clocks, each with the component and the clock that activate it. Clocks are indices in the
     /// descriptions.
     pub(super) clocks: Vec<(usize, (usize, usize))>,
+    /// Solver of a component in model exchange.
+    pub(super) integration: Option<Solver>,
     /// True if the component is not needed because signals come from a file.
     pub(super) dropped: bool,
 }
@@ -41,9 +44,13 @@ impl CaseComponent<'_> {
         &self.found.description.clocks[index]
     }
 
-    /// Returns true if other components can share the ticks of its clocks: not in scheduled execution.
+    pub(super) fn interface(&self) -> Interface {
+        self.integration.map_or(self.found.description.stepped_interface(), |_| Interface::ModelExchange)
+    }
+
+    /// Returns true if other components can share the ticks of its clocks.
     pub(super) fn shares_clocks(&self) -> bool {
-        self.found.description.co_simulation.is_some()
+        self.interface() == Interface::CoSimulation
     }
 
     /// The clocks with this causality, by index; also their aliases.
@@ -51,15 +58,25 @@ impl CaseComponent<'_> {
         self.found.description.clocks.iter().enumerate().filter(move |(_, clock)| clock.causality == causality)
     }
 
-    /// Returns true if the interface of the FMU has a capability.
+    /// Returns true if the interface of the FMU has a capability. The integrator of a component in model exchange makes
+    /// steps of any size, and its inputs may be lines.
     pub(super) fn has(&self, capability: impl Fn(&Capabilities) -> bool) -> bool {
-        let description = &self.found.description;
-        description.interface(description.stepped_interface()).is_some_and(capability)
+        let unit = self.found.description.interface(self.interface());
+        let (can_handle_variable_communication_step_size, can_interpolate_inputs) = (true, true);
+        unit.is_some_and(|unit| match self.integration {
+            None => capability(unit),
+            Some(_) => capability(&Capabilities {
+                can_handle_variable_communication_step_size,
+                can_interpolate_inputs,
+                ..unit.clone()
+            }),
+        })
     }
 
     /// Returns true if the inputs can have slopes.
     pub(super) fn can_interpolate(&self) -> bool {
-        self.found.description.fmi == FmiVersion::V2 && self.has(|capabilities| capabilities.can_interpolate_inputs)
+        let is_called = self.found.description.fmi == FmiVersion::V2 || self.integration.is_some();
+        is_called && self.has(|capabilities| capabilities.can_interpolate_inputs)
     }
 
     pub(super) fn variable(&self, index: usize) -> &Variable {

@@ -647,10 +647,8 @@ impl<'a> Resolver<'a> {
                     name: member.name().to_string(),
                     fmu: member.found.path.clone(),
                     fmi: description.fmi,
-                    model_identifier: description
-                        .model_identifier(description.stepped_interface())
-                        .unwrap_or_default()
-                        .to_owned(),
+                    model_identifier: description.model_identifier(member.interface()).unwrap_or_default().to_owned(),
+                    integration: member.integration,
                     guid: description.guid.clone(),
                     every,
                     substeps,

@@ -162,11 +162,19 @@ pub(crate) struct Component {
     /// Start values: declared (default) or steady.
     pub(crate) start: Option<Spanned<Start>>,
     /// Whether it takes samples (discrete) or not (continuous); by default, discrete if all its outputs are.
-    pub(crate) kind: Option<ComponentKind>,
+    pub(crate) kind: Option<Spanned<ComponentKind>>,
     /// Number of communication steps in one step of the component; 1 if absent.
     pub(crate) every: Option<Spanned<i64>>,
     /// Number of its steps in a communication step; 1 if absent.
     pub(crate) substeps: Option<Spanned<i64>>,
+    /// Interface of the FMU; by default, the first that it has.
+    pub(crate) interface: Option<Spanned<ComponentInterface>>,
+    /// Solver of a component in model exchange; dormand_prince if absent.
+    pub(crate) solver: Option<Spanned<SolverKind>>,
+    /// Relative error of a step of the solver; 1e-6 if absent.
+    pub(crate) tolerance: Option<Spanned<f64>>,
+    /// Longest step of the solver runge_kutta, s.
+    pub(crate) max_step: Option<Spanned<f64>>,
 }
 
 impl Component {
@@ -174,6 +182,28 @@ impl Component {
     pub(crate) fn rates(&self) -> [u64; 2] {
         [&self.every, &self.substeps].map(|rate| rate.as_ref().map_or(1, |rate| rate.unsigned_abs()))
     }
+}
+
+/// Interface of a component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ComponentInterface {
+    /// The FMU advances its own states.
+    CoSimulation,
+    /// The master integrates the states of the FMU.
+    ModelExchange,
+}
+
+/// Solver of a component in model exchange.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum SolverKind {
+    /// Dormand-Prince method of order 5.
+    DormandPrince,
+    /// Rosenbrock method of order 4, for stiff equations.
+    Rosenbrock,
+    /// Runge-Kutta method of order 4 with steps of equal length.
+    RungeKutta,
 }
 
 /// Kind of a component.

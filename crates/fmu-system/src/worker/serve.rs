@@ -93,9 +93,8 @@ fn load((binary, library): &(Binary, OnceCell<Arc<Library>>)) -> Result<&Arc<Lib
 
 impl Instances for Libraries {
     fn of(&self, component: &Component) -> Result<Instance, FmusError> {
-        let Component { fmu, structure, .. } = component;
-        let is_found = |(binary, _): &&(Binary, _)| binary.fmu == Path::new(fmu) && binary.structure == *structure;
-        let entry = self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(fmu.clone()))?;
+        let is_found = |(binary, _): &&(Binary, _)| component.uses(binary);
+        let entry = self.0.iter().find(is_found).ok_or_else(|| FmusError::NotLoaded(component.fmu.clone()))?;
         Ok(entry.0.instantiate(load(entry)?, &component.name)?)
     }
 }
