@@ -42,6 +42,8 @@ class Request(msgspec.Struct, frozen=True):
     """Name of the file with input signals."""
     shortened: str | None = None
     """Options that shortened the runs, such as "--stop 2 --seeds 1"."""
+    converge: bool = False
+    """True if the error of the communication step is in converge.json."""
 
 
 def _engine(request: Request) -> str:
@@ -91,6 +93,7 @@ def report(scenario: Plan, request: Request) -> str:
         files=tuple(p.relative_to(folder).as_posix() for p in files),
         versions=shell.versions(),
         replays=tuple(lab.of_scenario(scenario, folder)),
+        converge=msgspec.json.decode((folder / "converge.json").read_bytes()) if request.converge else None,
     )
     data = page_data.of_plan(scenario, panels)
     counts = page.counts(numbers)

@@ -1,6 +1,6 @@
 //! `chassis run --converge`: estimates how much the results depend on the communication step.
 
-use crate::run::{Arguments, described, grouped, progress_bar};
+use crate::run::{Arguments, complete, described, grouped, progress_bar};
 use cargo_fmu::files::write_whole;
 use cargo_fmu::outln;
 use clap::Args;
@@ -8,6 +8,8 @@ use fmu_import::terminal::escaped;
 use fmu_system::converge::{assess, levels, percent};
 use fmu_system::fmus::Fmus;
 use fmu_system::plan::Plan;
+use fmu_system::results::file_name;
+use fmu_system::run::Run;
 use fmu_system::typography::significant;
 use fmu_system::worker::{Failure, Pool, Task};
 use miette::{IntoDiagnostic, miette};
@@ -19,9 +21,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) struct Converge {
     /// Compare the results with those of the steps h/2 and h/4, and of the other order of the components
     ///
-    /// Only the first seed is used unless `--seeds` is given. The numbers go to OUT/SCENARIO/converge.json; the results
-    /// of earlier runs stay.
-    #[arg(long, conflicts_with_all = ["engine", "from_csv", "parquet", "no_page", "junit", "no_fail"])]
+    /// Only the first seed is used unless `--seeds` is given. The numbers go to the page and to
+    /// OUT/SCENARIO/converge.json.
+    #[arg(long, conflicts_with = "engine")]
     pub(crate) converge: bool,
 
     /// Error of a metric that is accepted
@@ -43,15 +45,14 @@ fn share(text: &str) -> Result<f64, String> {
     share.ok_or("must be a percentage above 0, such as 1%".to_owned())
 }
 
-pub(crate) fn run(arguments: &Arguments, mut plan: Plan, folder: &Path) -> miette::Result<()> {
+/// Executes the runs with other steps and the other order, and compares them with the results in `folder`. The inner
+/// result is an error if some of them failed, or if errors above the limit should be one.
+pub(crate) fn run(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<miette::Result<()>> {
     let options = &arguments.converge;
-    if arguments.selection.seeds.is_none() {
-        plan.seeds.truncate(1);
-        plan.runs.retain(|run| run.seed.is_none_or(|seed| plan.seeds.contains(&seed)));
-    }
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
-    let levels = levels(&plan, &fmus, options.sample_times).map_err(|message| miette!("{message}"))?;
-    let bar = progress_bar(&plan, levels.iter().map(|(simulation, runs)| simulation.steps * runs.len() as u64).sum())?;
+    let levels = levels(plan, &fmus, options.sample_times).map_err(|message| miette!("{message}"))?;
+    let others = &levels[1..];
+    let bar = progress_bar(plan, others.iter().map(|(simulation, runs)| simulation.steps * runs.len() as u64).sum())?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = arguments.jobs.count();
@@ -70,10 +71,12 @@ pub(crate) fn run(arguments: &Arguments, mut plan: Plan, folder: &Path) -> miett
         });
         recordings.into_inner().unwrap_or_else(PoisonError::into_inner)
     };
-    let recordings: Vec<_> = levels.iter().map(execute).collect();
+    let recorded = |run: &Run| complete(plan, run, &folder.join("runs").join(file_name(run))).ok();
+    let own = plan.runs.iter().map(recorded).collect();
+    let recordings: Vec<_> = std::iter::once(own).chain(others.iter().map(execute)).collect();
     drop(pool);
     bar.finish_and_clear();
-    let reports = assess(&plan, &fmus, &recordings, options.limit).map_err(|message| miette!("{message}"))?;
+    let reports = assess(plan, &fmus, &recordings, options.limit).map_err(|message| miette!("{message}"))?;
     let file = folder.join("converge.json");
     let of = |level: usize| levels[level].0;
     let written = serde_json::json!({
@@ -85,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments, mut plan: Plan, folder: &Path) -> miett
         "runs": reports,
     });
     write_whole(&file, (serde_json::to_string_pretty(&written).into_diagnostic()? + "\n").as_bytes())?;
-    outln!("h = {} s, compared on the rows of h", significant(plan.simulation.step, 6));
+    outln!("\nh = {} s, compared on the rows of h", significant(plan.simulation.step, 6));
     for report in &reports {
         outln!("");
         report.text().lines().for_each(|line| outln!("{}", escaped(line)));
@@ -98,19 +101,19 @@ pub(crate) fn run(arguments: &Arguments, mut plan: Plan, folder: &Path) -> miett
         let of = if runs.len() < reports.len() { format!(" ({})", runs.join(", ")) } else { String::new() };
         outln!("note: {}", escaped(&(note.to_owned() + &of)));
     }
-    outln!("\n{}", file.display());
+    outln!("\n{}\n", file.display());
     let failures = failures.into_inner().unwrap_or_else(PoisonError::into_inner);
     if !failures.is_empty() {
-        return Err(miette!("{} runs failed\n\n{}", failures.len(), grouped(&failures)));
+        return Ok(Err(miette!("{} runs with other steps failed\n\n{}", failures.len(), grouped(&failures))));
     }
-    let above: Vec<String> = reports.iter().flat_map(|report| report.above(options.limit)).collect();
+    let above: Vec<String> = reports.iter().flat_map(|report| report.above()).collect();
     if above.is_empty() || !options.converge_fail {
-        return Ok(());
+        return Ok(Ok(()));
     }
-    Err(miette!(
+    Ok(Err(miette!(
         help = "set a smaller `step` in [simulation], or a larger --limit",
         "the error of the step is above {}: {}",
         percent(options.limit),
         above.join(", ")
-    ))
+    )))
 }

@@ -107,8 +107,17 @@ fn factor(text: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    /// Keeps the runs of the chosen case.
+    /// Number of seeds, if not all are used.
+    fn seeds(&self) -> Option<u32> {
+        self.selection.seeds.or(self.converge.converge.then_some(1))
+    }
+
+    /// Keeps the runs of the chosen case and seeds.
     fn select(&self, plan: &mut Plan) -> miette::Result<()> {
+        if let Some(seeds) = self.seeds() {
+            plan.seeds.truncate(seeds as usize);
+            plan.runs.retain(|run| run.seed.is_none_or(|seed| plan.seeds.contains(&seed)));
+        }
         if let Some(case) = &self.case {
             plan.runs.retain(|run| run.case == *case || run.id.split('#').next() == Some(case));
         }
@@ -148,7 +157,7 @@ impl Arguments {
         let cut = [
             self.case.as_ref().map(|case| format!("--case {case}")),
             self.selection.stop.map(|stop| format!("--stop {stop}")),
-            self.selection.seeds.map(|n| format!("--seeds {n}")),
+            self.seeds().map(|n| format!("--seeds {n}")),
         ];
         let cut: Vec<String> = cut.into_iter().flatten().collect();
         let engine = match (&self.from_csv, self.engine) {
@@ -169,6 +178,7 @@ impl Arguments {
             "verdicts": verdicts.collect::<Vec<_>>(),
             "incomplete": incomplete.map(|run| (&run.run, run.reason())).collect::<BTreeMap<_, _>>(),
             "parquet": self.parquet,
+            "converge": self.converge.converge,
             "inputs": self.selection.inputs.as_ref().and_then(|file| file.file_name()).map(|name| name.to_string_lossy()),
             "shortened": (!cut.is_empty()).then(|| cut.join(" ")),
         });
@@ -235,7 +245,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     if arguments.native {
         return Err(miette!("the native master is the default now, without `--native`; `--engine fmpy` chooses FMPy"));
     }
-    let python = if arguments.converge.converge { None } else { arguments.python()?.filter(|_| !arguments.no_page) };
+    let python = arguments.python()?.filter(|_| !arguments.no_page);
     let mut plan = if arguments.no_warnings {
         arguments.selection.plan()?
     } else {
@@ -249,9 +259,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     };
     arguments.select(&mut plan)?;
     let folder = arguments.out.join(&plan.name);
-    if arguments.converge.converge {
-        return converge::run(arguments, plan, &folder);
-    }
     let runs = folder.join("runs");
     if arguments.engine == Engine::Fmpy {
         let Simulation { iterate, error_control, .. } = &plan.simulation;
@@ -266,6 +273,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         Some(source) => take(source, &plan, &runs)?,
         None => execute(arguments, &plan, &runs)?,
     };
+    let compared = if arguments.converge.converge { converge::run(arguments, &plan, &folder)? } else { Ok(()) };
     let results = Results::of(&plan, &runs, statuses, python.is_none())?;
     if let Some(path) = &arguments.junit {
         write_whole(path, requirements::junit(&plan, &results.verdicts, &failures).as_bytes())?;
@@ -295,8 +303,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), grouped(&failures)));
     }
     match unmet {
-        0 => Ok(()),
-        _ if arguments.no_fail => Ok(()),
+        0 => compared,
+        _ if arguments.no_fail => compared,
         1 => Err(miette!(help = NO_FAIL, "1 requirement is not met")),
         _ => Err(miette!(help = NO_FAIL, "{unmet} requirements are not met")),
     }
@@ -355,7 +363,7 @@ fn take(source: &Path, plan: &Plan, folder: &Path) -> miette::Result<(RunStatuse
     Ok((statuses, incomplete))
 }
 
-fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
+pub(crate) fn complete(plan: &Plan, run: &Run, path: &Path) -> Result<Recording, String> {
     let file = results::file_name(run);
     let recorded =
         || plan.columns.iter().zip(&run.columns).filter(|(_, slot)| slot.is_some()).map(|(column, _)| column);

@@ -290,13 +290,16 @@ fn the_error_of_the_step_is_estimated() {
     near(&metric["order_change"], (rms(1, false, 5) - m1) / m1);
     near(&metric["recording"], (rms(4, true, 5) - m4) / m1);
     near(&metric["order"], ((m1 - m2) / (m2 - m4)).log2());
+    assert_eq!((&metric["above_limit"], &metric["order_matters"]), (&true.into(), &false.into()));
     assert_eq!((&metric["class"], &run["signals"][0][0]), (&"regular".into(), &"x".into()));
     let printed = text(&output.stdout);
     assert!(!printed.contains("matters"), "the other order changes less than the error: {printed}");
     for part in ["h = 0.1 s", "regular", "as the step goes to 0 (order 1.01)", "recommended step: 0.02 s"] {
         assert!(printed.contains(part), "{part}: {printed}");
     }
-    assert!(!folder.path().join("results/ramp/runs").exists(), "other results stay as they are");
+    // The runs with the step of the scenario are its results.
+    let rows = std::fs::read_to_string(folder.path().join("results/ramp/runs/only.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 4, "{rows}");
 
     let output = call(&["--converge-fail"]);
     assert_eq!(output.status.code(), Some(1));
@@ -319,7 +322,7 @@ fn the_error_of_the_step_is_estimated() {
     std::fs::write(folder.path().join("ramp.toml"), RING.replace("start = 1.0", "failure = 1")).unwrap();
     let output = call(&[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(message(&output.stderr).contains("4 runs failed"), "{}", text(&output.stderr));
+    assert!(message(&output.stderr).contains("1 of 1 runs failed"), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("rms is not defined with each step"), "{}", text(&output.stdout));
     for (arguments, problem) in [
         (&["--limit", "1"][..], "must be a percentage above 0, such as 1%"),

@@ -279,11 +279,15 @@ struct MetricReport {
     #[serde(flatten)]
     own: Assessment,
     verdict: String,
+    /// True if the error is larger than accepted.
+    above_limit: bool,
     recommended_step: Option<f64>,
     /// Relative change by the rows between the common rows, with the step h/4.
     recording: Option<f64>,
     other_order: Option<f64>,
     order_change: Option<f64>,
+    /// True if the other order changes the metric by more than twice the error.
+    order_matters: bool,
     sample_times: Option<Assessment>,
 }
 
@@ -300,9 +304,9 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// The metrics whose error is larger than a share of them.
-    pub fn above(&self, share: f64) -> impl Iterator<Item = String> {
-        let above = self.metrics.iter().filter(move |metric| metric.own.is_above(share));
+    /// The metrics whose error is larger than accepted.
+    pub fn above(&self) -> impl Iterator<Item = String> {
+        let above = self.metrics.iter().filter(|metric| metric.above_limit);
         above.map(|metric| format!("{} of run {}", metric.metric, self.run))
     }
 
@@ -318,11 +322,7 @@ impl RunReport {
             lines.push(metric.verdict.clone());
             lines.extend(metric.recommended_step.map(|step| format!("  recommended step: {} s", significant(step, 6))));
         }
-        let matters = |metric: &&MetricReport| {
-            let change = metric.order_change.zip(metric.own.relative);
-            change.is_some_and(|(change, error)| change.abs() > 2.0 * error)
-        };
-        let matters = self.metrics.iter().filter(matters);
+        let matters = self.metrics.iter().filter(|metric| metric.order_matters);
         let matters: Vec<_> =
             matters.map(|metric| format!("{} {}", metric.metric, share(metric.order_change))).collect();
         if !matters.is_empty() {
@@ -383,14 +383,18 @@ pub fn assess(
             let change = |value: Option<f64>, from: Option<f64>| {
                 Some((value? - from?) / own.values[0]?.abs()).filter(|change| change.is_finite())
             };
-            let factor = own.step_factor(limit).filter(|_| own.is_above(limit));
+            let above_limit = own.is_above(limit);
+            let factor = own.step_factor(limit).filter(|_| above_limit);
+            let order_change = change(value(3), own.values[0]);
             MetricReport {
                 verdict: own.text(&metric.name),
                 metric: metric.name.clone(),
                 recommended_step: factor.and_then(|x| recommended_step(&plan.simulation, plan.simulation.step * x)),
                 recording: change(of(&finest), own.values[2]),
                 other_order: value(3),
-                order_change: change(value(3), own.values[0]),
+                order_matters: order_change.zip(own.relative).is_some_and(|(change, error)| change.abs() > 2.0 * error),
+                order_change,
+                above_limit,
                 sample_times: (levels.len() > 4).then(|| Assessment::of([0, 4, 5].map(value))),
                 own,
             }

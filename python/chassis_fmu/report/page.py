@@ -31,6 +31,8 @@ class Context:
     """Names and versions of the programs that were used."""
     replays: tuple[tuple[str, str], ...] = ()
     """Cases, with the addresses of their replays in the lab."""
+    converge: Mapping[str, Any] | None = None
+    """Contents of converge.json, if these runs were repeated with other steps."""
 
 
 def _bar(percent: float | None, limit: float) -> tuple[float, float] | None:
