@@ -117,5 +117,5 @@ def test_a_file_that_is_cut_off_is_rejected(share: float, tmp_path: Path) -> Non
     fmu = (FOLDER / f"{NAME}.fmu").read_bytes()
     code, said = _cosim(fmu[: int(share * len(fmu))], tmp_path)
     assert code == 1
-    assert f"{NAME}.fmu: not a readable FMU" in said
+    assert f"{NAME}.fmu: not a readable archive" in said
     assert "Traceback" not in said

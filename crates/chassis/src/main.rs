@@ -5,6 +5,7 @@ mod bench;
 mod converge;
 mod export;
 mod fits;
+mod import;
 mod lab;
 mod new;
 mod plan;
@@ -59,6 +60,11 @@ enum Cli {
     /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
     /// (`--order jacobi` of `chassis run`).
     Export(export::Arguments),
+    /// Import a system of another tool: write the system in an SSP file as a scenario, with its FMUs
+    ///
+    /// SSP 1.0 and 2.0 are supported. Nested systems are flattened. What a scenario cannot express is reported with its
+    /// place in the file, and nothing is written. `chassis plan` and `chassis run` also take the SSP file itself.
+    Import(import::Arguments),
     /// Run a study: a scenario many times with varying values, or a search for the best parameters
     ///
     /// Studies with `[[vary]]` are sweeps, samples, sensitivity analyses and searches with the samplers of Optuna, on
@@ -155,6 +161,7 @@ fn run(command: &Cli) -> Result<()> {
         Cli::Plan(arguments) => plan::run(arguments),
         Cli::Run(arguments) => run::run(arguments),
         Cli::Export(arguments) => export::run(arguments),
+        Cli::Import(arguments) => import::run(arguments),
         Cli::Study(arguments) => study::run(arguments),
         Cli::Bench(bench::Command::Run(arguments)) => bench::run::run(arguments),
         Cli::Bench(bench::Command::Evaluate(arguments)) => bench::evaluate::run(arguments),

@@ -1,6 +1,7 @@
 //! Arguments that select a scenario and change it.
 
 use crate::arguments::{Folders, one_of};
+use crate::import::Structure;
 use cargo_fmu::worker;
 use clap::Args;
 use fmu_system::plan::Plan;
@@ -12,11 +13,14 @@ use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub(crate) struct Selection {
-    /// Scenario file (TOML)
+    /// Scenario file (TOML), or SSP file with a system
     scenario: PathBuf,
 
     #[command(flatten)]
     fmus: Folders,
+
+    #[command(flatten)]
+    structure: Structure,
 
     /// CSV file with signals that replace the outputs of components
     ///
@@ -84,6 +88,8 @@ impl Selection {
             inputs: self.inputs.clone(),
             after_end: self.after_end,
             fmus: Vec::new(),
+            step: self.structure.step,
+            variant: self.structure.variant.clone(),
         };
         Ok(resolve(&self.scenario, &self.fmus.source(), &options)?)
     }

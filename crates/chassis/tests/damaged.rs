@@ -239,16 +239,16 @@ fn a_sound_fmu_is_accepted() {
 #[test]
 fn a_file_that_is_no_archive_is_rejected() {
     let sound = Sound::new().bytes();
-    rejected("an empty file", b"", Archive, "not a readable FMU");
-    rejected("text", b"this is no FMU", Archive, "not a readable FMU");
+    rejected("an empty file", b"", Archive, "not a readable archive");
+    rejected("text", b"this is no FMU", Archive, "not a readable archive");
     rejected(
         "noise",
         &(0..10_000_u32).map(|i| ((i * i) >> 3) as u8).collect::<Vec<_>>(),
         Archive,
-        "not a readable FMU",
+        "not a readable archive",
     );
     for length in [1, 4, 30, sound.len() / 4, sound.len() / 2, sound.len() - 100, sound.len() - 22, sound.len() - 1] {
-        rejected(&format!("{length} bytes"), &sound[..length], Archive, "not a readable FMU");
+        rejected(&format!("{length} bytes"), &sound[..length], Archive, "not a readable archive");
     }
     rejected_by("a folder", |path| std::fs::create_dir(path).unwrap(), Archive, "it is a folder");
 }

@@ -1,4 +1,5 @@
-//! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
+//! Zip archives of unknown origin, such as the `.fmu` file, which contains a description, binaries and resources (FMI
+//! 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 
 use crate::description::{FmiVersion, Interface, ModelDescription, StructuralParameters, Terminal};
 use crate::directory::{self, DirectoryError, Entry};
@@ -76,7 +77,7 @@ pub fn platform_of(fmi: FmiVersion) -> &'static str {
     if fmi == FmiVersion::V2 { v2 } else { v3 }
 }
 
-/// An open `.fmu` file.
+/// An open archive.
 pub struct Archive<R = BufReader<File>> {
     path: PathBuf,
     zip: ZipArchive<R>,
@@ -110,7 +111,7 @@ impl Archive {
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let file = File::open(path).map_err(at(path))?;
         if file.metadata().map_err(at(path))?.is_dir() {
-            return Err(ArchiveError::rejected(path, "it is a folder, but an FMU is a zip archive"));
+            return Err(ArchiveError::rejected(path, "it is a folder, not a zip archive"));
         }
         Self::read(path, BufReader::new(file))
     }
@@ -133,6 +134,16 @@ impl<R: Read + Seek> Archive<R> {
     pub fn names_with_backslashes(&self) -> Vec<String> {
         let names = self.zip.file_names().filter_map(|name| Some(name.ok()?.to_string()));
         names.filter(|name| name.contains('\\')).collect()
+    }
+
+    /// Paths of the entries, with slashes.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The text of an entry; `None` if there is no entry with this name.
+    pub fn text_of(&mut self, name: &str) -> Result<Option<String>, ArchiveError> {
+        self.index(name).map(|index| self.text(index, name)).transpose()
     }
 
     fn index(&self, name: &str) -> Option<usize> {
@@ -379,7 +390,7 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
 /// Converts the name of an entry to a path with slashes; a folder's path ends with a slash. Returns `None` if the path
 /// leads out of the archive. Backslashes, which some tools write, count as slashes. Colons are rejected on all systems,
 /// because on Windows they follow a drive letter.
-fn path_within(name: &str) -> Option<String> {
+pub fn path_within(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let is_folder = name.ends_with('/');
     let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
@@ -549,7 +560,7 @@ mod tests {
         let text = folder.path().join("text.fmu");
         std::fs::write(&text, "not a zip").unwrap();
         let error = read_description(&text).unwrap_err().to_string();
-        assert!(error.contains("text.fmu: not a readable FMU: not a zip archive"), "{error}");
+        assert!(error.contains("text.fmu: not a readable archive: not a zip archive"), "{error}");
         let missing = folder.path().join("missing.fmu");
         let error = read_description(&missing).unwrap_err().to_string();
         let cause = std::fs::read(&missing).unwrap_err();

@@ -14,6 +14,8 @@ use crate::c_api::Reference;
 pub use crate::xml::XmlError;
 pub use elements::ArrayElement;
 pub use interface::{Capabilities, FmiVersion, Interface};
+pub(crate) use read::unit;
+pub use read::word;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::RangeInclusive;
 use std::sync::Arc;

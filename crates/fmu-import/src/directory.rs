@@ -30,7 +30,7 @@ const LOCATOR_64_BYTES: usize = 20;
 pub(crate) enum DirectoryError {
     #[error(transparent)]
     Io(#[from] io::Error),
-    #[error("not a readable FMU: not a zip archive, or truncated or damaged ({0})")]
+    #[error("not a readable archive: not a zip archive, or truncated or damaged ({0})")]
     Damaged(String),
     #[error("rejected: {0}")]
     Rejected(String),

@@ -5,11 +5,12 @@
 //! given by name. The bytes of a Binary are hexadecimal digits.
 
 use crate::bytes::BinaryText;
-use crate::description::{BaseType, BaseUnit, Unit, Value};
+use crate::description::{BaseType, BaseUnit, Unit, Value, unit};
 use crate::limits;
 use crate::xml::{self, Element, XmlError};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesStart, Event};
+use std::collections::HashSet;
 use std::io;
 use std::path::Path;
 
@@ -51,28 +52,31 @@ impl ParameterSet {
     /// Parses the text of a file. Fails if it is not a parameter set of SSP 1.0 or 2.0, a value is invalid, or a name
     /// repeats.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
-        let root = xml::parse(text)?;
-        if local(&root) != "ParameterSet" {
+        Self::of_element(&xml::parse(text)?.without_prefixes()).map(|(set, _)| set)
+    }
+
+    /// Reads the element `ParameterSet` and the units of measure that it defines; names have no namespace prefix.
+    pub fn of_element(root: &Element) -> Result<(Self, Vec<Unit>), XmlError> {
+        if root.name != "ParameterSet" {
             return Err(root.place.error(format!("expected <ssv:ParameterSet>, got <{}>", root.name)));
         }
         let version = root.required("version")?;
         if !version.starts_with("1.") && !version.starts_with("2.") {
             return Err(root.place.error(format!("version {version} of the format, expected 1.0 or 2.0")));
         }
-        let list = root
-            .children
-            .iter()
-            .find(|c| local(c) == "Parameters")
-            .ok_or_else(|| root.place.error("<ssv:ParameterSet> lacks <ssv:Parameters>"))?;
-        let mut parameters: Vec<Parameter> = Vec::new();
-        for element in list.children.iter().filter(|c| local(c) == "Parameter") {
+        if root.child("Parameters").is_none() {
+            return Err(root.place.error("<ssv:ParameterSet> lacks <ssv:Parameters>"));
+        }
+        let (mut parameters, mut names) = (Vec::new(), HashSet::new());
+        for element in root.listed("Parameters", "Parameter") {
             let name = element.required("name")?;
-            if parameters.iter().any(|p| p.name == name) {
+            if !names.insert(name) {
                 return Err(element.place.error(format!("the parameter `{name}` appears twice")));
             }
             parameters.push(parameter(element, name)?);
         }
-        Ok(Self { name: root.required("name")?.to_string(), parameters })
+        let units = root.listed("Units", "Unit").map(unit).collect::<Result<_, _>>()?;
+        Ok((Self { name: root.required("name")?.to_string(), parameters }, units))
     }
 
     /// The text of the file, in SSP 1.0. `units` defines the units. If the unit of a value is not defined, or is not
@@ -151,18 +155,16 @@ pub fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     element
 }
 
-/// Name of an element without its namespace prefix.
-fn local(element: &Element) -> &str {
-    element.name.rsplit_once(':').map_or(element.name.as_str(), |(_, name)| name)
-}
-
 fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
+    if element.child("Dimension").is_some() {
+        return Err(element.place.error(format!("the parameter `{name}` is an array; only scalars can be set")));
+    }
     let typed = element
         .children
         .iter()
-        .find(|c| local(c) != "Annotations")
+        .find(|c| c.name != "Annotations")
         .ok_or_else(|| element.place.error(format!("the parameter `{name}` has no value")))?;
-    let value = match local(typed) {
+    let value = match typed.name.as_str() {
         // XML Schema also allows INF and NaN, but parameters must be finite.
         "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {

@@ -67,6 +67,11 @@ impl Element {
         self.attributes.iter().map(|(name, _)| name.as_str())
     }
 
+    /// The elements with this name in the child `list`.
+    pub fn listed<'a>(&'a self, list: &str, name: &'a str) -> impl Iterator<Item = &'a Element> {
+        self.child(list).into_iter().flat_map(|list| &list.children).filter(move |child| child.name == name)
+    }
+
     /// Value of a required attribute.
     pub fn required(&self, name: &str) -> Result<&str, XmlError> {
         self.attribute(name).ok_or_else(|| self.place.error(format!("<{}> lacks the attribute `{name}`", self.name)))
@@ -98,6 +103,16 @@ impl Element {
                 Err(self.place.error(format!("<{}> has {name}=\"{text}\", expected true or false", self.name)))
             }
         }
+    }
+
+    /// The same tree without namespace prefixes in the names of the elements.
+    #[must_use]
+    pub fn without_prefixes(mut self) -> Self {
+        if let Some((_, local)) = self.name.rsplit_once(':') {
+            self.name = local.to_owned();
+        }
+        self.children = self.children.into_iter().map(Self::without_prefixes).collect();
+        self
     }
 
     /// First child with this name.

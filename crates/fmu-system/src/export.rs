@@ -13,7 +13,7 @@
 //! these outputs.
 
 mod osp;
-mod ssp;
+pub(crate) mod ssp;
 mod xml;
 
 use crate::plan::Plan;

@@ -11,7 +11,7 @@
 //! - [`report`] defines what the results show and is independent of the execution of runs; [`metrics`] computes the
 //!   numbers, [`requirements`] compares them with their limits, [`typography`] formats numbers and units,
 //! - [`data`] reads CSV files of any origin,
-//! - [`export`] writes a run for other masters, [`compat`] finds the FMUs whose signals fit a plant.
+//! - [`export`] writes a run for other masters, [`mod@import`] reads the systems of other tools, [`compat`] finds the FMUs whose signals fit a plant.
 //!
 //! A tool that evaluates a system many times (an optimizer, a benchmark) resolves the scenario once, opens the FMUs
 //! once, and then executes changed copies of a run in memory:
@@ -43,6 +43,7 @@ pub mod data;
 pub mod export;
 pub mod failure;
 pub mod fmus;
+pub mod import;
 pub mod master;
 pub mod metrics;
 pub mod parameter;

@@ -6,9 +6,11 @@
 use crate::report::{Figure, Finding, Metric};
 use crate::run::{Linear, Run, Simulation, Trial};
 pub use fmu_import::description::{BaseType, DisplayUnit, Value};
+use fmu_import::temporary::Folder;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Version of the plan's layout.
 pub const FORMAT: u32 = 9;
@@ -57,6 +59,9 @@ pub struct Plan {
     /// Trial runs that show whether parameters set by the scenario have an effect.
     #[serde(skip)]
     pub trials: Vec<Trial>,
+    /// Temporary folders with FMUs from SSP files, deleted with the plan.
+    #[serde(skip)]
+    pub folders: Vec<Arc<Folder>>,
 }
 
 /// Returns the JSON Schema of a plan as it is printed.

@@ -59,13 +59,23 @@ impl Problems {
 #[derive(Debug)]
 pub struct Collector {
     source_code: Arc<NamedSource<String>>,
-    /// Included files, each with the offset at which its places begin.
-    included: Vec<(usize, Arc<NamedSource<String>>)>,
+    /// Included files.
+    included: Vec<Included>,
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
     context: Option<Context>,
     /// Number of contexts. If a mistake is found in all contexts, its message does not name them.
     contexts: usize,
+}
+
+/// A file included by another file.
+#[derive(Debug)]
+struct Included {
+    /// Offset at which its places begin.
+    from: usize,
+    source: Arc<NamedSource<String>>,
+    /// In a text made from another file: places from which a part of it stems from a place in that file.
+    origins: Vec<(usize, Range<usize>)>,
 }
 
 /// The case in which a mistake was found.
@@ -109,20 +119,38 @@ impl Collector {
         }
     }
 
-    /// Adds the text of an included TOML file. Returns the offset at which its places begin.
-    pub(crate) fn add_source(&mut self, file: &Path, text: &str) -> usize {
-        let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language("toml");
-        let (from, last) = self.included.last().map_or((0, &self.source_code), |(from, last)| (*from, last));
+    /// Adds the text of an included file. Returns the offset at which its places begin.
+    pub(crate) fn add_source(&mut self, file: &Path, text: &str, language: &str) -> usize {
+        let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
+        let last = self.included.last().map(|last| (last.from, &last.source));
+        let (from, last) = last.unwrap_or((0, &self.source_code));
         // One more than the length, so that the end of a file differs from the start of the next file.
         let from = from + last.inner().len() + 1;
-        self.included.push((from, Arc::new(source)));
+        self.included.push(Included { from, source: Arc::new(source), origins: Vec::new() });
         from
+    }
+
+    /// Adds a text made from a file that was added before. A place in the text is shown as the last of `origins` before
+    /// it: offsets in the text, and places in the file. Returns the offset at which its places begin.
+    pub(crate) fn add_made(&mut self, file: &Path, text: &str, origins: Vec<(usize, Range<usize>)>) -> usize {
+        let from = self.add_source(file, text, "toml");
+        if let Some(included) = self.included.last_mut() {
+            included.origins = origins;
+        }
+        from
+    }
+
+    /// The place to show for a place.
+    fn origin(&self, span: &Range<usize>) -> Range<usize> {
+        let of = self.included.iter().rev().find(|included| included.from <= span.start);
+        let found = of.and_then(|of| of.origins.iter().rev().find(|(start, _)| of.from + start <= span.start));
+        found.map_or_else(|| span.clone(), |(_, origin)| origin.clone())
     }
 
     /// Returns the file of a place and the offset at which it begins.
     fn source(&self, place: usize) -> (usize, &Arc<NamedSource<String>>) {
-        let of_included = self.included.iter().rev().find(|(from, _)| *from <= place);
-        of_included.map_or((0, &self.source_code), |(from, source)| (*from, source))
+        let of_included = self.included.iter().rev().find(|included| included.from <= place);
+        of_included.map_or((0, &self.source_code), |included| (included.from, &included.source))
     }
 
     /// The text from a place to the end of its file; `None` if the place is within a character.
@@ -162,6 +190,7 @@ impl Collector {
     }
 
     fn problem(&self, spans: &[Range<usize>], message: String, help: Option<String>) -> Problem {
+        let spans: Vec<Range<usize>> = spans.iter().map(|span| self.origin(span)).collect();
         let first = spans.first().cloned().unwrap_or(0..0);
         let (from, source) = self.source(first.start);
         let length = source.inner().len();

@@ -23,11 +23,13 @@ mod unread;
 mod values;
 mod wiring;
 
+use self::fmus::WithFolders;
 pub use self::fmus::{Descriptions, FmuFolder, Found, fmus_with};
 pub use self::inputs::AfterEnd;
 use self::inputs::Inputs;
 use self::system::{Resolver, signal_names};
 use crate::data::DataError;
+use crate::import::{self, Choice};
 use crate::plan::{self, Plan};
 use crate::problem::Collector;
 pub use crate::problem::{Problem, Problems};
@@ -56,6 +58,16 @@ pub struct Options {
     pub after_end: AfterEnd,
     /// FMUs that replace those of components, in all cases.
     pub fmus: Vec<OtherFmu>,
+    /// Communication step, s.
+    pub step: Option<f64>,
+    /// Name of the structure in an SSP file, without `.ssd`.
+    pub variant: Option<String>,
+}
+
+impl Options {
+    fn choice(&self) -> Choice {
+        Choice { variant: self.variant.clone(), stop: self.stop, step: self.step }
+    }
 }
 
 /// Another FMU for a component.
@@ -111,7 +123,7 @@ impl ResolveError {
     }
 }
 
-/// Reads a scenario file and resolves it.
+/// Reads a scenario file, or the system in an SSP file, and resolves it.
 ///
 /// # Errors
 /// A file cannot be read, the scenario or the CSV file has mistakes, an option does not fit.
@@ -125,8 +137,8 @@ pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Res
 /// The file cannot be read or does not have the layout of a scenario.
 pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
     let text = read(file)?;
-    let mut problems = Collector::new(file, &text, "toml");
-    match scenario::parse(&text, folder(file), &mut problems) {
+    let mut problems = collector(file, &text);
+    match scenario::parse(&text, folder(file), &Choice::default(), &mut problems) {
         Some(scenario) => Ok(scenario.fmus().map(|(name, _)| name.to_string()).collect()),
         None => Err(problems.fail().into()),
     }
@@ -162,7 +174,15 @@ fn folder(file: &Path) -> &Path {
     file.parent().unwrap_or(Path::new(""))
 }
 
+/// The scenario of an SSP file only includes it and is not shown.
+fn collector(file: &Path, text: &str) -> Collector {
+    Collector::new(file, if import::is_ssp(file) { "" } else { text }, "toml")
+}
+
 pub(crate) fn read(path: &Path) -> Result<String, ResolveError> {
+    if import::is_ssp(path) {
+        return Ok(import::scenario(path));
+    }
     limits::read_text(path, limits::TEXT_FILE).map_err(|cause| ResolveError::Read { path: path.to_path_buf(), cause })
 }
 
@@ -173,10 +193,11 @@ pub fn resolve_text(
     source: &dyn Descriptions,
     options: &Options,
 ) -> Result<Plan, ResolveError> {
-    let mut problems = Collector::new(file, text, "toml");
-    let Some(mut scenario) = scenario::parse(text, folder(file), &mut problems) else {
+    let mut problems = collector(file, text);
+    let Some(mut scenario) = scenario::parse(text, folder(file), &options.choice(), &mut problems) else {
         return Err(problems.fail().into());
     };
+    let source = &WithFolders { folders: FmuFolder::new(scenario.fmus.iter().map(|fmus| fmus.path())), others: source };
     for other in &options.fmus {
         replace(&mut scenario, other)?;
     }
@@ -253,6 +274,7 @@ pub fn resolve_text(
         wiring,
         warnings,
         trials,
+        folders: scenario.fmus,
     })
 }
 
@@ -287,7 +309,7 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation,
         return Err(ResolveError::Option("the number of seeds must be at least 1, got 0".into()));
     }
     let start = scenario.start();
-    let step = *scenario.simulation.step.get_ref();
+    let step = options.step.unwrap_or(*scenario.simulation.step.get_ref());
     let stop = options.stop.unwrap_or(*scenario.simulation.stop.get_ref());
     let steps = whole_steps(start, stop, step).map_err(|message| match options.stop {
         Some(stop) if stop <= start => {

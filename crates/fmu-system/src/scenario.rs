@@ -7,27 +7,45 @@ mod sweep;
 pub(crate) use check::{unknown, whole_steps};
 pub(crate) use layout::*;
 
+use crate::import::{self, Choice};
 use crate::problem::Collector;
 use crate::spanned::Spanned;
 use fmu_import::limits;
+use fmu_import::temporary::Folder;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be
-/// read or does not have the layout of a scenario.
+/// read or does not have the layout of a scenario, or if an SSP file has something that a scenario cannot express.
 ///
 /// The included files become sources of `problems`. Places in a file follow the places in the previous files.
-pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {
+pub(crate) fn parse(text: &str, folder: &Path, choice: &Choice, problems: &mut Collector) -> Option<Scenario> {
     let own: Written = problems.parse(text)?;
-    let mut files = Vec::new();
+    let (mut files, mut fmus) = (Vec::new(), Vec::new());
     for include in &own.include {
-        files.push(included(include, folder, problems));
+        files.push(included(include, folder, choice, problems, &mut fmus));
     }
     let files = files.into_iter().collect::<Option<Vec<Written>>>()?;
-    assembled(own, files, problems)
+    if choice.variant.is_some() && fmus.is_empty() {
+        problems.add(0..0, "`--variant` chooses a file of an SSP file, but there is none");
+    }
+    assembled(own, files, fmus, problems)
 }
 
-fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> Option<Written> {
+fn included(
+    path: &Spanned<String>,
+    folder: &Path,
+    choice: &Choice,
+    problems: &mut Collector,
+    fmus: &mut Vec<Arc<Folder>>,
+) -> Option<Written> {
     let file = folder.join(path.get_ref());
+    if import::is_ssp(&file) {
+        let system = import::read(&file, path.span(), choice, problems)?;
+        let from = problems.add_made(&file, &system.text, system.origins);
+        fmus.push(Arc::new(system.folder));
+        return problems.parse_from(&format!("{}{}", " ".repeat(from), system.text), from);
+    }
     let text = match limits::read_text(&file, limits::TEXT_FILE) {
         Ok(text) => text,
         Err(error) => {
@@ -35,7 +53,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
             return None;
         }
     };
-    let from = problems.add_source(&file, &text);
+    let from = problems.add_source(&file, &text, "toml");
     // Leading blanks shift the places in this file behind the places in the previous files.
     let moved = format!("{}{text}", " ".repeat(from));
     let part: Written = problems.parse_from(&moved, from)?;
@@ -54,7 +72,7 @@ fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> 
 
 /// Merges the included files and the scenario. Lists are concatenated; a single table is taken from the last file that
 /// has it.
-fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Option<Scenario> {
+fn assembled(own: Written, files: Vec<Written>, fmus: Vec<Arc<Folder>>, problems: &mut Collector) -> Option<Scenario> {
     let (title, description, reference) = (own.title.clone(), own.description.clone(), own.reference.clone());
     let parameter_set = own.parameter_set.clone();
     let mut all = Written::default();
@@ -70,6 +88,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
         all.figures.append(&mut part.figures);
         all.findings.append(&mut part.findings);
         all.simulation = part.simulation.or(all.simulation);
+        all.connect_by_name = part.connect_by_name.or(all.connect_by_name);
         all.sweep = part.sweep.or(all.sweep);
         all.seeds = part.seeds.or(all.seeds);
         if let Some(mut record) = part.record {
@@ -108,6 +127,8 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
         reference: reference.map_or(String::new(), Spanned::into_inner),
         parameter_set,
         simulation: all.simulation?,
+        connect_by_name: all.connect_by_name != Some(false),
+        fmus,
         components: all.components,
         connections: all.connections,
         cases: all.cases,

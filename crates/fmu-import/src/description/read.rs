@@ -73,7 +73,7 @@ impl ModelDescription {
         let fmi = version(fmi_version).ok_or_else(|| {
             root.place.error(format!("FMI version {fmi_version}, expected 2.0 or 3.0: export the FMU for one of these"))
         })?;
-        let units = children(&root, "UnitDefinitions", "Unit").map(unit).collect::<Result<Vec<_>, _>>()?;
+        let units = root.listed("UnitDefinitions", "Unit").map(unit).collect::<Result<Vec<_>, _>>()?;
         let mut units_by_name = HashMap::new();
         for (i, unit) in units.iter().enumerate() {
             units_by_name.entry(unit.name.clone()).or_insert(i);
@@ -108,7 +108,8 @@ impl ModelDescription {
                 .filter(|_| fmi == FmiVersion::V3)
                 .map(|element| capabilities(element, fmi))
                 .transpose()?,
-            log_categories: children(&root, "LogCategories", "Category")
+            log_categories: root
+                .listed("LogCategories", "Category")
                 .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
                 .collect::<Result<_, _>>()?,
             default_experiment: DefaultExperiment {
@@ -140,11 +141,6 @@ fn version(text: &str) -> Option<FmiVersion> {
     let rest = text.strip_prefix("3.0")?;
     let is_patch = |patch: &str| !patch.is_empty() && patch.bytes().all(|byte| byte.is_ascii_digit());
     (rest.is_empty() || rest.strip_prefix('.').is_some_and(is_patch)).then_some(FmiVersion::V3)
-}
-
-/// The elements with this name in the child `list`.
-fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator<Item = &'a Element> {
-    parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
 /// The model identifier, which becomes part of a path. Many tools write identifiers that are invalid in C. They are
@@ -201,7 +197,8 @@ fn check_length(element: &Element, attribute: &str, text: &str, most: usize) -> 
     Err(element.place.error(message))
 }
 
-fn unit(element: &Element) -> Result<Unit, XmlError> {
+/// A unit of measure; in SSP, it has no display units.
+pub(crate) fn unit(element: &Element) -> Result<Unit, XmlError> {
     let base = element
         .child("BaseUnit")
         .map(|base| -> Result<BaseUnit, XmlError> {
@@ -258,8 +255,8 @@ fn items(element: &Element) -> Result<Arc<[Item]>, XmlError> {
     items.collect()
 }
 
-/// Converts an FMI keyword to an enum.
-fn word<T: DeserializeOwned>(text: &str) -> Option<T> {
+/// Converts a keyword of FMI or SSP to an enum.
+pub fn word<T: DeserializeOwned>(text: &str) -> Option<T> {
     T::deserialize(StrDeserializer::<serde::de::value::Error>::new(text)).ok()
 }
 

@@ -1,5 +1,6 @@
 //! Units of measure of data.
 
+use crate::run::Linear;
 use fmu_import::description::{BaseUnit, DisplayUnit, ModelDescription, Variable};
 use std::f64::consts::PI;
 
@@ -88,6 +89,71 @@ pub fn find(name: &str) -> Option<BaseUnit> {
 /// Returns true if the exponents of two units are equal except for the radian, which some tools omit.
 pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
     a[..7] == b[..7]
+}
+
+/// A unit of measure as its file defines it: SI value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Declared {
+    pub(crate) name: String,
+    pub(crate) base: Option<BaseUnit>,
+    /// True for a difference (`relativeDeclared`), to which offsets do not apply.
+    pub(crate) is_relative: bool,
+}
+
+/// Two units between which no value can be converted.
+#[derive(Debug)]
+pub(crate) struct UnitMismatch {
+    /// The units with their definitions: `in bar, 100000 kg m^-1 s^-2`.
+    pub(crate) words: [String; 2],
+    /// True if only the exponents of rad differ.
+    pub(crate) is_angle: bool,
+}
+
+impl Declared {
+    /// The unit of a variable; `None` if it has none.
+    pub(crate) fn of(description: &ModelDescription, variable: &Variable) -> Option<Self> {
+        let name = variable.unit.clone()?;
+        let base = description.unit(&name).and_then(|unit| unit.base);
+        Some(Self { name, base, is_relative: variable.relative_quantity })
+    }
+
+    pub(crate) fn conversion_to(&self, to: &Self) -> Result<Linear, UnitMismatch> {
+        let is_same = self.name == to.name;
+        let error = |words, is_angle| Err(UnitMismatch { words, is_angle });
+        let words = || [self.definition(), to.definition()];
+        let (a, b) = match (self.base, to.base) {
+            (a, b) if is_same && (a == b || a.is_none() || b.is_none()) => return Ok(Linear::IDENTITY),
+            (Some(a), Some(b)) => (a, b),
+            _ => return error(words(), false),
+        };
+        // A unit whose definition depends on the file is a mistake in one of them.
+        if is_same || a.exponents != b.exponents {
+            return error(words(), !is_same && is_same_without_angle(a.exponents, b.exponents));
+        }
+        let factor = a.factor / b.factor;
+        match [self.is_relative, to.is_relative] {
+            [true, true] => Ok(Linear { factor, offset: 0.0 }),
+            [true, false] | [false, true] if a.offset != b.offset => {
+                let kind = |of: &Self| if of.is_relative { "a difference" } else { "not a difference" };
+                error([self, to].map(|of| format!("{} in {}", kind(of), of.name)), false)
+            }
+            _ => Ok(Linear { factor, offset: (a.offset - b.offset) / b.factor }),
+        }
+    }
+
+    fn definition(&self) -> String {
+        let name = &self.name;
+        let Some(base) = self.base else { return format!("in {name}, which its FMU does not define") };
+        let names = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+        let power = |(name, exponent): (&&str, &i32)| match exponent {
+            0 => None,
+            1 => Some((*name).to_owned()),
+            _ => Some(format!("{name}^{exponent}")),
+        };
+        let powers: Vec<String> = names.iter().zip(&base.exponents).filter_map(power).collect();
+        let offset = if base.offset == 0.0 { String::new() } else { format!(" + {}", base.offset) };
+        format!("in {name} ({}{})", [base.factor.to_string(), powers.join(" ")].join(" ").trim(), offset)
+    }
 }
 
 /// The unit of a variable, to which values are converted.

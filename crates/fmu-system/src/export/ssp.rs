@@ -14,6 +14,10 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 const DESCRIPTION: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription";
+/// MIME type of FMUs.
+pub(crate) const FMU: &str = "application/x-fmu-sharedlibrary";
+/// MIME type of parameter sets.
+pub(crate) const PARAMETER_SET: &str = "application/x-ssp-parameter-set";
 /// Namespaces of the annotations, as the tools themselves write them.
 const OMS: &str = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
 const OSP: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
@@ -119,7 +123,7 @@ fn annotation(xml: &mut Xml, tool: &str, content: impl FnOnce(&mut Xml) -> io::R
 fn component(xml: &mut Xml, component: &Component) -> io::Result<()> {
     let attributes = [
         ("name", component.name.as_str()),
-        ("type", "application/x-fmu-sharedlibrary"),
+        ("type", FMU),
         ("source", &format!("resources/{}", component.file)),
         ("implementation", if component.is_exchange { "ModelExchange" } else { "CoSimulation" }),
     ];
@@ -132,7 +136,7 @@ fn component(xml: &mut Xml, component: &Component) -> io::Result<()> {
         }
         element(xml, "ssd:ParameterBindings", &[], |xml| {
             let source = parameter_file(component);
-            let set = [("type", "application/x-ssp-parameter-set"), ("source", source.as_str())];
+            let set = [("type", PARAMETER_SET), ("source", source.as_str())];
             empty(xml, "ssd:ParameterBinding", &set)
         })
     })

@@ -1,6 +1,7 @@
 //! Compatibility of outputs and inputs, and conversion between Real and Boolean in connections.
 
 use super::system::CaseComponent;
+use crate::data::unit::{Declared, UnitMismatch};
 use crate::plan::TypeChange;
 use crate::run::Linear;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
@@ -62,52 +63,21 @@ pub(super) fn conversion(
     Ok(Linear { factor: own.factor * of_units.factor, offset: own.factor * of_units.offset + own.offset })
 }
 
-/// The conversion between the units of two ends. Base units of FMI: SI value = factor * value + offset. Differences
-/// (`relativeQuantity`) have no offset. With a factor of the connection, the exponents of rad may differ.
+/// The conversion between the units of two ends. With a factor of the connection, the exponents of rad may differ.
 fn units(from: Place<'_>, to: Place<'_>, has_factor: bool) -> Result<Linear, (String, Option<String>)> {
-    let (Some(output), Some(input)) = (&from.1.unit, &to.1.unit) else { return Ok(Linear::IDENTITY) };
-    let base = |place: Place<'_>, name: &str| place.0.found.description.unit(name).and_then(|unit| unit.base);
-    let (a, b) = (base(from, output), base(to, input));
-    if output == input && (a == b || a.is_none() || b.is_none()) {
-        return Ok(Linear::IDENTITY);
-    }
-    let error = |words: [String; 2], help: &str| Err((mismatch(from, to, &words[0], &words[1]), Some(help.to_owned())));
-    let words = || [(output, a), (input, b)].map(|(name, base)| definition(name, base));
-    const UNCHANGED: &str = "`convert = false` in the [[connection]] passes the number unchanged";
-    let (Some(a), Some(b)) = (a, b) else { return error(words(), UNCHANGED) };
-    // A unit whose definition depends on the FMU is a mistake in one of them.
-    if output == input || a.exponents != b.exponents {
-        let differs_in_angle = a.exponents[..7] == b.exponents[..7] && output != input;
-        return match differs_in_angle {
-            true if has_factor => Ok(Linear::IDENTITY),
-            true => error(words(), "a `factor` in the [[connection]] converts an angle to or from a pure number"),
-            false => error(words(), UNCHANGED),
-        };
-    }
-    let factor = a.factor / b.factor;
-    match [from, to].map(|place| place.1.relative_quantity) {
-        [true, true] => Ok(Linear { factor, offset: 0.0 }),
-        [true, false] | [false, true] if a.offset != b.offset => {
-            let kind = |place: Place<'_>| if place.1.relative_quantity { "a difference" } else { "not a difference" };
-            let words = [(from, output), (to, input)].map(|(place, unit)| format!("{} in {unit}", kind(place)));
-            error(words, UNCHANGED)
+    let quantity = |place: Place<'_>| Declared::of(&place.0.found.description, place.1);
+    let (Some(output), Some(input)) = (quantity(from), quantity(to)) else { return Ok(Linear::IDENTITY) };
+    match output.conversion_to(&input) {
+        Err(mismatch) if mismatch.is_angle && has_factor => Ok(Linear::IDENTITY),
+        Err(UnitMismatch { words: [is, other], is_angle }) => {
+            let help = match is_angle {
+                true => "a `factor` in the [[connection]] converts an angle to or from a pure number",
+                false => "`convert = false` in the [[connection]] passes the number unchanged",
+            };
+            Err((mismatch(from, to, &is, &other), Some(help.to_owned())))
         }
-        _ => Ok(Linear { factor, offset: (a.offset - b.offset) / b.factor }),
+        Ok(linear) => Ok(linear),
     }
-}
-
-/// A unit with its definition: `in bar, 100000 kg m^-1 s^-2`.
-fn definition(name: &str, base: Option<BaseUnit>) -> String {
-    let Some(base) = base else { return format!("in {name}, which its FMU does not define") };
-    let names = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
-    let power = |(name, exponent): (&&str, &i32)| match exponent {
-        0 => None,
-        1 => Some((*name).to_owned()),
-        _ => Some(format!("{name}^{exponent}")),
-    };
-    let powers: Vec<String> = names.iter().zip(&base.exponents).filter_map(power).collect();
-    let offset = if base.offset == 0.0 { String::new() } else { format!(" + {}", base.offset) };
-    format!("in {name} ({}{})", [base.factor.to_string(), powers.join(" ")].join(" ").trim(), offset)
 }
 
 /// Returns the conversion in a connection of these two variables, if their types differ.

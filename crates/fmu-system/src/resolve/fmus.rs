@@ -143,6 +143,34 @@ impl Descriptions for FmuFolder {
     }
 }
 
+/// FMUs in folders that a scenario brings, before those of another source.
+pub(super) struct WithFolders<'a> {
+    pub(super) folders: FmuFolder,
+    pub(super) others: &'a dyn Descriptions,
+}
+
+impl Descriptions for WithFolders<'_> {
+    fn find(&self, name: &str) -> Result<Option<Found>, String> {
+        self.folders.find(name).transpose().or_else(|| self.others.find(name).transpose()).transpose()
+    }
+
+    fn names(&self) -> Vec<String> {
+        [self.folders.names(), self.others.names()].concat()
+    }
+
+    fn buildable(&self) -> Vec<String> {
+        self.others.buildable()
+    }
+
+    fn beside(&self, name: &str) -> Option<String> {
+        self.others.beside(name)
+    }
+
+    fn place(&self) -> String {
+        self.others.place()
+    }
+}
+
 /// Descriptions in memory, without files.
 impl Descriptions for BTreeMap<String, Arc<ModelDescription>> {
     fn find(&self, name: &str) -> Result<Option<Found>, String> {

@@ -243,7 +243,8 @@ impl<'a> Resolver<'a> {
             return Ok(None);
         }
         let others = || {
-            let writers = member.names(v).filter_map(|name| outputs.get(name)).flatten();
+            let names = member.names(v).filter(|_| self.scenario.connect_by_name);
+            let writers = names.filter_map(|name| outputs.get(name)).flatten();
             writers.filter(|(other, _)| *other != m).copied()
         };
         let by_name = |component| member.names(v).find_map(|name| self.column(component, name));

@@ -5,6 +5,7 @@ use crate::report::{Expect, FigureKind, Level};
 use crate::run::{ErrorControl, Extrapolation, Iteration, Order, StepArgument};
 use crate::spanned::Spanned;
 use fmu_import::bytes::BinaryText;
+use fmu_import::temporary::Folder;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
@@ -12,6 +13,7 @@ use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Variable or pattern -> value as written.
 pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<Given>>;
@@ -57,6 +59,10 @@ pub(crate) struct Scenario {
     /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
     pub(crate) simulation: Simulation,
+    /// False: only explicit connections.
+    pub(crate) connect_by_name: bool,
+    /// Folders with the FMUs of included SSP files.
+    pub(crate) fmus: Vec<Arc<Folder>>,
     pub(crate) components: Vec<Component>,
     pub(crate) connections: Vec<Connection>,
     pub(crate) cases: Vec<Case>,
@@ -73,7 +79,7 @@ pub(crate) struct Scenario {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Written {
-    /// Paths of files with parts of the scenario, relative to this one.
+    /// Paths of files with parts of the scenario, relative to this one: scenarios, or systems in SSP files.
     #[serde(default)]
     pub(crate) include: Vec<Spanned<String>>,
     /// Title.
@@ -89,6 +95,8 @@ pub(crate) struct Written {
     pub(crate) parameters: ValuesByComponent,
     /// Times of the simulation.
     pub(crate) simulation: Option<Simulation>,
+    /// False: outputs and inputs with the same name are not connected, only those of connections; true if absent.
+    pub(crate) connect_by_name: Option<bool>,
     /// Components in the order of execution, plants last.
     #[serde(rename = "component", default)]
     pub(crate) components: Vec<Component>,

@@ -1,25 +1,25 @@
 //! Variables and model structure of FMI 2.0.
 
 use super::types::{self, Type, Types};
-use super::{MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, check_kinds, children};
+use super::{MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, check_kinds};
 use crate::description::{BaseType, DataType, FmiVersion, Unknown, Value, Variable};
 use crate::xml::{Element, XmlError};
 
 /// The model structure refers to variables by their position in the document, from 1.
 pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
     let mut types = Types::new();
-    for simple_type in children(root, "TypeDefinitions", "SimpleType") {
+    for simple_type in root.listed("TypeDefinitions", "SimpleType") {
         let (element, (_, data_type)) = typed_child(simple_type)?;
         types.insert(bounded(simple_type, "name", MAX_NAME)?, Type::new(element, data_type)?);
     }
     let mut variables = Variables::default();
-    for element in children(root, "ModelVariables", "ScalarVariable") {
+    for element in root.listed("ModelVariables", "ScalarVariable") {
         let variable = variable(element, &types)?;
         variables.take(element, &variable.name)?;
         variables.list.push(variable);
     }
     let count = variables.list.len();
-    for (element, variable) in children(root, "ModelVariables", "ScalarVariable").zip(&variables.list) {
+    for (element, variable) in root.listed("ModelVariables", "ScalarVariable").zip(&variables.list) {
         if let Some(of) = variable.derivative_of
             && of >= count
         {
@@ -31,7 +31,7 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
     let list = |list| -> Result<Vec<Unknown>, XmlError> {
         root.child("ModelStructure")
             .into_iter()
-            .flat_map(|s| children(s, list, "Unknown"))
+            .flat_map(|s| s.listed(list, "Unknown"))
             .map(|element| unknown(element, count))
             .collect()
     };
