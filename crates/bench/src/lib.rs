@@ -114,6 +114,7 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
         sample: 0,
         stops_at_events: false,
         importer_ticks: false,
+        has_slopes: false,
     };
     let begin = Instant::now();
     for k in 0..STEPS {
