@@ -50,8 +50,8 @@ pub enum Solver {
 impl std::fmt::Display for Solver {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::DormandPrince { tolerance } => write!(f, "dormand_prince, tolerance {tolerance}"),
-            Self::Rosenbrock { tolerance } => write!(f, "rosenbrock, tolerance {tolerance}"),
+            Self::DormandPrince { tolerance } => write!(f, "dormand_prince, tolerance {tolerance:e}"),
+            Self::Rosenbrock { tolerance } => write!(f, "rosenbrock, tolerance {tolerance:e}"),
             Self::RungeKutta { max_step } => write!(f, "runge_kutta, max_step {max_step} s"),
         }
     }
