@@ -237,6 +237,16 @@ class ClockWire(_Part, frozen=True):
     source_reference: int
 
 
+class Solver(_Part, frozen=True):
+    """Method that integrates the states of an FMU for model exchange."""
+
+    solver: Literal["dormand_prince", "rosenbrock", "runge_kutta"] | None = None
+    # Relative error of a step.
+    tolerance: float | None = None
+    # Longest step, s.
+    max_step: float | None = None
+
+
 class Component(_Part, frozen=True):
     """An instance of an FMU and its wires."""
 
@@ -263,6 +273,8 @@ class Component(_Part, frozen=True):
     clocks: tuple[ClockWire, ...] = ()
     # Number of communication steps in one step of the component.
     every: int = 1
+    # Solver of a component that the master integrates (model exchange); `None` for any other interface.
+    integration: Solver | None = None
     # True if it takes samples.
     is_discrete: bool = False
     # Start values of a component that starts in a steady state, to be set after the parameters; empty if they are not
