@@ -73,7 +73,7 @@ fn summary(plan: &Plan) -> String {
             Order::Auto => "in automatic order",
         }
         .to_owned()
-            + &coupling(&times),
+            + &coupling(times),
     ));
     let every = if times.every == 1 { "every step".to_string() } else { format!("every {} steps", times.every) };
     lines.push(format!(

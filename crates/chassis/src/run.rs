@@ -15,7 +15,7 @@ use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
 use fmu_system::requirements::{self, RunNumbers, Signals, Status, Verdict};
 use fmu_system::results::{self, RunStatus, RunStatuses};
-use fmu_system::run::{RealTime, Run, Simulation};
+use fmu_system::run::{RealTime, Run, Simulation, StepCounts};
 use fmu_system::typography::significant;
 use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -564,6 +564,14 @@ fn print_summary(plan: &Plan, done: &[(&Run, Recording)], ended: usize, folder: 
         elapsed.as_secs_f64(),
         folder.join("*.csv").display()
     );
+    if let Some(steps) = done.iter().filter_map(|(_, done)| done.steps).reduce(StepCounts::plus) {
+        let [smallest, largest] = [steps.smallest, steps.largest].map(|size| significant(size, 3));
+        let (accepted, rejected) = (steps.accepted, steps.rejected);
+        outln!("{accepted} steps accepted, {rejected} rejected; sizes from {smallest} s to {largest} s");
+        if steps.inaccurate > 0 {
+            errln!("warning: {} steps of the size `min_step` have an error above the tolerance", steps.inaccurate);
+        }
+    }
     let mut messages: BTreeMap<String, usize> = BTreeMap::new();
     for (component, message) in done.iter().flat_map(|(_, done)| &done.messages) {
         *messages.entry(format!("{component}: {}", message.text)).or_default() += 1;

@@ -41,6 +41,19 @@ pub enum FmusError {
         /// Reason.
         message: String,
     },
+    /// The iteration of a step does not converge.
+    #[error(
+        "{signals} still change by {change:.1e} after {passes} passes of a step; choose a smaller step, or a larger \
+         `tolerance` or `limit` in `iterate`"
+    )]
+    Unsettled {
+        /// Their names.
+        signals: String,
+        /// Largest relative change in the last pass.
+        change: f64,
+        /// Number of passes.
+        passes: u64,
+    },
     /// A value that an FMU returned, or that the caller gives an input, is not finite.
     #[error("`{variable}` is {value}")]
     NotFinite {

@@ -146,8 +146,8 @@ pub(crate) fn record(
             pace.wait(session.time());
         }
     }
-    let real_time = pace.map(|pace| pace.report);
-    let mut recording = Recording { real_time, ..recorder.finish(run) };
+    let (real_time, steps) = (pace.map(|pace| pace.report), session.counts());
+    let mut recording = Recording { real_time, steps, ..recorder.finish(run) };
     if !is_terminated {
         std::mem::forget(session);
         return match ended {

@@ -126,6 +126,42 @@ impl Default for ErrorControl {
     }
 }
 
+/// Numbers of steps under error control.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepCounts {
+    /// Accepted steps.
+    pub accepted: u64,
+    /// Rejected steps.
+    pub rejected: u64,
+    /// Accepted steps whose error is above the tolerance, because they are the smallest.
+    pub inaccurate: u64,
+    /// Smallest accepted step, s.
+    pub smallest: f64,
+    /// Largest accepted step, s.
+    pub largest: f64,
+}
+
+impl StepCounts {
+    pub(crate) fn accept(&mut self, size: f64, is_inaccurate: bool) {
+        self.smallest = if self.accepted == 0 { size } else { self.smallest.min(size) };
+        self.largest = self.largest.max(size);
+        self.inaccurate += u64::from(is_inaccurate);
+        self.accepted += 1;
+    }
+
+    /// The numbers of two runs together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            accepted: self.accepted + other.accepted,
+            rejected: self.rejected + other.rejected,
+            inaccurate: self.inaccurate + other.inaccurate,
+            smallest: self.smallest.min(other.smallest),
+            largest: self.largest.max(other.largest),
+        }
+    }
+}
+
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -525,6 +561,8 @@ pub struct Recording {
     pub seconds: f64,
     /// How a run in real time kept up with the clock.
     pub real_time: Option<RealTime>,
+    /// Numbers of steps under error control.
+    pub steps: Option<StepCounts>,
 }
 
 impl Recording {

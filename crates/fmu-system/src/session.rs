@@ -42,7 +42,7 @@ use crate::failure::Failure;
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
 use crate::run::{
-    Binaries, Evaluation, Exact, InputSeries, Interpolation, Linear, Order, Run, Setting, Simulation, Wire,
+    Binaries, Evaluation, Exact, InputSeries, Interpolation, Linear, Order, Run, Setting, Simulation, StepCounts, Wire,
 };
 use fmu_import::bytes::BinaryText;
 use fmu_import::c_api::Reference;
@@ -127,6 +127,13 @@ impl Bus {
         exact.into_iter().for_each(|slot| bus.exact[slot] = Some(0));
         binaries.into_iter().for_each(|slot| bus.binaries[slot] = Some(Vec::new()));
         bus
+    }
+
+    /// Takes all values from another bus of the same run.
+    fn take(&mut self, other: &Self) {
+        self.numbers.clone_from(&other.numbers);
+        self.exact.clone_from(&other.exact);
+        self.binaries.clone_from(&other.binaries);
     }
 
     /// Takes the value of a slot from another bus of the same run.
@@ -416,7 +423,7 @@ pub struct Saved {
     rows: Vec<usize>,
     step: u64,
     overwritten: Vec<Option<f64>>,
-    memory: Option<Memory>,
+    memory: Option<(Memory, Option<f64>)>,
 }
 
 /// A run between two steps.
@@ -500,6 +507,11 @@ impl Session {
     /// Returns true if all steps are done.
     pub fn is_over(&self) -> bool {
         self.step >= self.simulation.steps
+    }
+
+    /// Numbers of steps under error control; `None` without it.
+    pub(crate) fn counts(&self) -> Option<StepCounts> {
+        self.coupling.as_ref()?.counts()
     }
 
     /// The signals at the current time.

@@ -9,6 +9,7 @@ use fmu_system::master;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use fmu_system::run::Recording;
+use fmu_system::session::Session;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
@@ -358,4 +359,181 @@ fn a_linear_series_is_followed_exactly() {
     };
     let (fine, coarse) = (find("0.001"), find("0.1"));
     assert!(fine.iter().zip(&coarse).all(|(a, b)| (a - b).abs() < 1e-9), "{fine:?} {coarse:?}");
+}
+
+#[test]
+fn iterated_steps() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    let keys = |more: &str| format!("step = 0.005\niterate = {{ tolerance = 1e-10, limit = 20 }}\n{more}");
+    check(
+        &oscillation(&folder, &keys(""), &S1_FIRST),
+        0.026_254_163_512_221_672,
+        [
+            0.002_690_840_899_961_444_7,
+            -0.355_954_628_425_640_46,
+            5.019_312_232_927_334,
+            0.019_337_447_386_474_56,
+            -0.229_303_196_830_646_6,
+        ],
+    );
+    let linear = keys("extrapolation = \"linear\"");
+    for components in [S1_FIRST, [S1_FIRST[1], S1_FIRST[0]]] {
+        check(
+            &oscillation(&folder, &linear, &components),
+            6.314_460_474_257_62e-4,
+            [
+                -0.020_889_389_360_602_213,
+                -0.397_612_512_943_314_07,
+                14.193_953_740_811_43,
+                0.026_239_092_115_027_538,
+                -0.120_566_022_330_793_25,
+            ],
+        );
+    }
+}
+
+/// Tolerance of the numbers of steps: 2 % and 2, because a decision near the limit flips with rounding.
+#[test]
+fn steps_chosen_by_their_error() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    for (extrapolation, tolerance, error, counts, sizes) in [
+        ("hold", "1e-4", 0.002_372_413, [1905, 51], [0.000_471_198_742, 0.004_318_726_739]),
+        ("hold", "1e-6", 2.419_914_79e-4, [18346, 56], [4.138_692_44e-5, 9.172_244_17e-4]),
+        ("linear", "1e-4", 5.385_293_76e-4, [402, 29], [0.00125, 0.012_042_035_1]),
+        ("linear", "1e-6", 2.694_884_59e-5, [1670, 32], [4.544_373_27e-4, 0.003_913_422_66]),
+    ] {
+        let keys =
+            format!("step = 0.02\nextrapolation = \"{extrapolation}\"\nerror_control = {{ tolerance = {tolerance} }}");
+        let (found, _, recording) = oscillation(&folder, &keys, &S1_FIRST);
+        let steps = recording.steps.unwrap();
+        println!("{extrapolation} {tolerance}: {found} {steps:?}");
+        assert!((found - error).abs() <= 0.05 * error, "{extrapolation}, {tolerance}: {found}");
+        for (found, expected) in [steps.accepted, steps.rejected].into_iter().zip(counts) {
+            assert!(found.abs_diff(expected) as f64 <= 0.02 * expected as f64 + 2.0, "{steps:?}");
+        }
+        for (found, expected) in [steps.smallest, steps.largest].into_iter().zip(sizes) {
+            assert!((found - expected).abs() <= 0.05 * expected, "{steps:?}");
+        }
+        assert_eq!((steps.inaccurate, recording.time.len()), (0, 101));
+    }
+}
+
+#[test]
+fn a_plan_names_what_its_coupling_needs() {
+    let save = "canGetAndSetFMUstate=\"true\"";
+    let [bare, able] = [oscillator_with([save, ""], &[]), oscillator_with([ALL; 2], &[])];
+    let loops = multirate();
+    let rated = [("S1", "every = 3"), ("S2", "")];
+    for (folder, keys, components, message) in [
+        (&able, "", &[("S1", "every = 0"), ("S2", "substeps = -1")][..], "`every` must be at least 1, got 0"),
+        (&able, "", &[("S1", "every = 2\nsubsteps = 2"), ("S2", "")], "either `every` or `substeps` above 1"),
+        (&bare, "", &rated, "`every` is 3, which does not divide the 10 steps of the run, and "),
+        (&bare, "", &rated, "does not declare canHandleVariableCommunicationStepSize; choose a divisor"),
+        (&bare, "extrapolation = \"linear\"", &S1_FIRST, "`s1` cannot get slopes of its inputs: "),
+        (&bare, "extrapolation = \"linear\"", &S1_FIRST, "S2.fmu does not declare canInterpolateInputs"),
+        (&bare, "iterate = {}", &S1_FIRST, "`s2` cannot repeat steps, as `iterate` needs: "),
+        (&bare, "error_control = {}", &S1_FIRST, "S1.fmu does not declare canHandleVariableCommunicationStepSize"),
+        (&able, "error_control = {}", &rated, "`s1` cannot repeat steps, as `error_control` needs: it has `every`"),
+        (&able, "iterate = { limit = 1 }", &S1_FIRST, "`limit` must be at least 2, got 1"),
+        (&able, "iterate = { tolerance = 0.0 }", &S1_FIRST, "`tolerance` must be from 1e-14 to 1.0, got 0.0"),
+        (&able, "error_control = { min_step = 0.2 }", &S1_FIRST, "`min_step` must be from 1e-7 to 0.1, got 0.2"),
+        (&able, "order = \"jacobi\"\niterate = {}", &S1_FIRST, "steps in the order \"jacobi\" cannot be repeated; set"),
+        (&loops, "error_control = {}", &[("Sensor", ""), ("Controller", "")], "needs a continuous component"),
+        (
+            &loops,
+            "iterate = {}",
+            &[("Plant", ""), ("Sensor", ""), ("Controller", "kind = \"continuous\"\n")],
+            "no error: the sensor takes samples, so nothing is iterated",
+        ),
+    ] {
+        let text = scenario(&format!("stop = 1.0\nstep = 0.1\n{keys}"), components, "\"*\"");
+        let text = if components.len() == 2 && components[0].0 == "Sensor" {
+            text.replace("name = \"sensor\"", "name = \"sensor\"\ninputs = { y = 0.0 }")
+        } else {
+            text
+        };
+        match resolved(folder, &text) {
+            Ok(_) => assert!(message.starts_with("no error"), "{keys}: expected {message}"),
+            Err(found) => assert!(found.contains(message), "{keys}: {found}"),
+        }
+    }
+}
+
+/// x1 and force need more than two passes; components between those of a loop would have to be repeated, too.
+#[test]
+fn what_cannot_be_iterated_is_named() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    let keys = "stop = 1.0\nstep = 0.01\niterate = { tolerance = 1e-12, limit = 2 }";
+    let plan = resolved(&folder, &scenario(keys, &S1_FIRST, "\"x1\"")).unwrap();
+    let failure = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap_err();
+    let message = failure.to_string();
+    assert!(message.contains("step from 0 s: `s1:x1`, `s1:v1`, `s2:force` still change by"), "{message}");
+    assert!(message.contains("after 2 passes of a step; choose a smaller step, or a larger"), "{message}");
+    // Under error control, such a step is rejected.
+    let keys = "stop = 0.1\nstep = 0.02\niterate = { tolerance = 1e-6, limit = 3 }\nerror_control = {}";
+    let steps = run(&resolved(&folder, &scenario(keys, &S1_FIRST, "\"x1\"")).unwrap()).steps.unwrap();
+    assert!(steps.rejected > 0 && steps.largest < 0.004, "{steps:?}");
+
+    pack(folder.path(), "Plant", ALL, &[], &["x2"], &[("y", 1.0)]);
+    let text = scenario("stop = 1.0\nstep = 0.01\niterate = {}", &[S1_FIRST[0], ("Plant", ""), S1_FIRST[1]], "\"x1\"");
+    let message = resolved(&folder, &text).unwrap_err();
+    let expected = "`iterate` needs neighbors in the order, but `plant` is among `s1`, `s2`; use `order = \"auto\"`";
+    assert!(message.contains(expected), "{message}");
+}
+
+/// The sensor and the controller make one step per step of the run, and the plant, with constant inputs, is exact with
+/// any steps: the results are those of fixed steps.
+#[test]
+fn components_that_take_samples_keep_their_steps_under_error_control() {
+    let folder = multirate();
+    let components = [("Sensor", ""), ("Controller", ""), ("Plant", "")];
+    let find = |keys: &str| {
+        let keys = format!("stop = 1.0\nstep = 0.01\n{keys}");
+        let recording = run(&resolved(&folder, &scenario(&keys, &components, "\"y\", \"u\"")).unwrap());
+        (recording.column(0).unwrap().to_vec(), recording.column(1).unwrap().to_vec(), recording.steps)
+    };
+    let (fixed, controlled) = (find(""), find("error_control = { initial_step = 0.01, min_step = 0.005 }"));
+    for (a, b) in fixed.0.iter().zip(&controlled.0).chain(fixed.1.iter().zip(&controlled.1)) {
+        assert!((a - b).abs() < 1e-12, "{a} {b}");
+    }
+    assert_eq!(controlled.2.map(|steps| (steps.accepted, steps.rejected)), Some((100, 0)));
+}
+
+/// A step that is the smallest is accepted with its error, and counted.
+#[test]
+fn steps_do_not_become_smaller_than_the_smallest() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    let keys = "step = 0.01\nerror_control = { tolerance = 1e-9, min_step = 0.005 }";
+    let steps = oscillation(&folder, keys, &S1_FIRST).2.steps.unwrap();
+    assert_eq!((steps.accepted, steps.inaccurate), (400, 400));
+    assert!((steps.smallest - 0.005).abs() < 1e-12 && (steps.largest - 0.005).abs() < 1e-12, "{steps:?}");
+}
+
+/// The reference is the run without restoring.
+#[test]
+fn a_restored_session_has_its_slopes_rates_and_step() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    for (keys, components) in [
+        ("extrapolation = \"linear\"", [("S1", "every = 4"), ("S2", "")]),
+        ("extrapolation = \"linear\"\nerror_control = {}", S1_FIRST),
+        ("iterate = {}", S1_FIRST),
+    ] {
+        let keys = format!("stop = 0.2\nstep = 0.005\n{keys}");
+        let plan = resolved(&folder, &scenario(&keys, &components, "\"x1\"")).unwrap();
+        let fmus = Fmus::load(&plan.runs).unwrap();
+        let expected = run(&plan);
+        let mut session = Session::new(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+        let mut saved = None;
+        for step in 0..30 {
+            if step == 13 {
+                saved = Some(session.save().unwrap());
+            }
+            session.step().unwrap();
+        }
+        session.restore(&saved.unwrap()).unwrap();
+        while !session.is_over() {
+            session.step().unwrap();
+            assert_eq!(session.column(0), Some(expected.column(0).unwrap()[session.steps() as usize]), "{keys}");
+        }
+    }
 }

@@ -52,6 +52,8 @@ pub struct Instance {
     /// Start and stop time, which `fmi3EnterInitializationMode` needs.
     experiment: (f64, Option<f64>),
     pub(super) step_end: StepEnd,
+    /// True if states from before the start of a step may be restored after it.
+    goes_back: bool,
     /// The last function that wrote to an array without elements.
     pub(super) overrun: Option<Function>,
     pub(super) has_entered: bool,
@@ -187,6 +189,7 @@ impl Instance {
             name: c_name,
             experiment: (0.0, None),
             step_end: StepEnd::default(),
+            goes_back: false,
             overrun: None,
             has_entered: false,
             whole: Whole::default(),
@@ -421,8 +424,8 @@ impl Instance {
 
     /// `fmi2DoStep` from `time` to `time + step`, both in s; in scheduled execution, the activations in this interval; in
     /// model exchange, the integration over it ([`Self::integrate`]).
-    /// No earlier state may be restored afterwards. Also fails if the FMU has not finished the step, or ends the
-    /// simulation.
+    /// No earlier state may be restored afterwards, except after [`Self::allow_earlier_states`]. Also fails if the FMU
+    /// has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         match &self.clocks {
             _ if self.integration.is_some() => self.step_integration(time, step),
@@ -432,16 +435,22 @@ impl Instance {
         }
     }
 
+    /// Lets later steps be undone: a state from before the start of a step may be restored after it.
+    pub fn allow_earlier_states(&mut self) {
+        self.goes_back = true;
+    }
+
     /// Like [`Self::do_step`], without ticks of clocks; the step must not go past [`Self::next_tick`].
     pub fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let mut end = StepEnd { time, ..StepEnd::default() };
+        let is_final = !self.goes_back;
         // SAFETY: live instance; the end of the step is written through valid pointers.
         let result = self.call_present(Function::DoStep, |f, c| unsafe {
             match f {
-                Functions::V2(f) => Some(f.do_step?(c, time, step, c_api::TRUE)),
+                Functions::V2(f) => Some(f.do_step?(c, time, step, c_api::Boolean::from(is_final))),
                 Functions::V3(f) => {
                     let StepEnd { event, terminate, early, time: reached } = &mut end;
-                    Some(f.do_step?(c, time, step, true, event, terminate, early, reached))
+                    Some(f.do_step?(c, time, step, is_final, event, terminate, early, reached))
                 }
             }
         });

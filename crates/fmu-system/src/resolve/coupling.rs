@@ -5,9 +5,11 @@ use crate::run::{Extrapolation, Order, Run, Simulation};
 use fmu_import::description::{Capabilities, FmiVersion};
 use std::ops::Range;
 
-const SAVE: (&str, fn(&Capabilities) -> bool) =
-    ("canGetAndSetFMUstate", |capabilities| capabilities.can_get_and_set_fmu_state);
-const VARY: (&str, fn(&Capabilities) -> bool) =
+/// A capability: its name in the description, and whether an interface has it.
+type Capability = (&'static str, fn(&Capabilities) -> bool);
+
+const SAVE: Capability = ("canGetAndSetFMUstate", |capabilities| capabilities.can_get_and_set_fmu_state);
+const VARY: Capability =
     ("canHandleVariableCommunicationStepSize", |capabilities| capabilities.can_handle_variable_communication_step_size);
 
 impl Resolver<'_> {
@@ -16,22 +18,23 @@ impl Resolver<'_> {
         self.check_rates(system, run, simulation);
         self.check_slopes(system, run, simulation);
         let keys = &self.scenario.simulation;
-        if let Some(place) = keys.iterate.as_ref().map(|key| key.span()) {
-            if simulation.order == Order::Jacobi {
-                let help = "set `order` to \"sequential\" or \"auto\"".to_owned();
-                self.problems.add_with_help(place.clone(), "the order \"jacobi\" cannot be iterated", Some(help));
-            }
+        let places = [keys.iterate.as_ref().map(|key| key.span()), keys.error_control.as_ref().map(|key| key.span())];
+        let [iterate, error_control] = places;
+        if let (Some(place), Order::Jacobi) = (iterate.as_ref().or(error_control.as_ref()), simulation.order) {
+            let help = "set `order` to \"sequential\" or \"auto\"".to_owned();
+            self.problems.add_with_help(place.clone(), "steps in the order \"jacobi\" cannot be repeated", Some(help));
+        }
+        if let Some(place) = iterate {
             for group in run.coupled() {
-                self.check_group(system, run, &group, (&place, "iterate"), true, &[SAVE]);
+                self.check_group(system, run, &group, (&place, "iterate"), &[SAVE]);
             }
         }
-        if let Some(place) = keys.error_control.as_ref().map(|key| key.span()) {
+        if let Some(place) = error_control {
             let group = run.continuous();
             if group.is_empty() {
                 self.problems.add(place.clone(), "`error_control` needs a continuous component");
             }
-            let is_ordered = simulation.order != Order::Jacobi;
-            self.check_group(system, run, &group, (&place, "error_control"), is_ordered, &[SAVE, VARY]);
+            self.check_group(system, run, &group, (&place, "error_control"), &[SAVE, VARY]);
         }
         self.problems.set_context(None);
     }
@@ -50,7 +53,7 @@ impl Resolver<'_> {
             if !member.found.description.clocks.is_empty() {
                 let message = format!("{} has clocks, so the component cannot have `{key}`", member.found.path);
                 self.problems.add(place, message);
-            } else if simulation.steps % planned.every != 0 && !member.has(VARY.1) {
+            } else if !simulation.steps.is_multiple_of(planned.every) && !member.has(VARY.1) {
                 let message = format!(
                     "`every` is {}, which does not divide the {} steps of the run, and {} does not declare {}",
                     planned.every, simulation.steps, member.found.path, VARY.0
@@ -87,8 +90,7 @@ impl Resolver<'_> {
         run: &Run,
         group: &[usize],
         (place, key): (&Range<usize>, &str),
-        is_ordered: bool,
-        needed: &[(&str, fn(&Capabilities) -> bool)],
+        needed: &[Capability],
     ) {
         for index in group {
             let (planned, member) = (&run.components[*index], &system.members[system.order[*index]]);
@@ -104,8 +106,7 @@ impl Resolver<'_> {
             let message = format!("`{}` cannot repeat steps, as `{key}` needs: {reason}", planned.name);
             self.problems.add_at(&[member.component.name.span(), place.clone()], message, Some(help));
         }
-        let between = group.windows(2).find(|pair| pair[0] + 1 != pair[1]).map(|pair| pair[0] + 1);
-        if let Some(between) = between.filter(|_| is_ordered) {
+        if let Some(between) = group.windows(2).find(|pair| pair[0] + 1 != pair[1]).map(|pair| pair[0] + 1) {
             let names: Vec<String> = group.iter().map(|m| format!("`{}`", run.components[*m].name)).collect();
             let (names, other) = (names.join(", "), &run.components[between].name);
             let message = format!("`{key}` needs neighbors in the order, but `{other}` is among {names}");

@@ -2,7 +2,7 @@
 
 use super::file_name;
 use crate::failure::{Failure, FailureKind};
-use crate::run::{RealTime, Recording, Run};
+use crate::run::{RealTime, Recording, Run, StepCounts};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -36,6 +36,9 @@ pub struct RunStatus {
     /// Only for a run in real time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub real_time: Option<RealTime>,
+    /// Numbers of steps of a complete run under error control.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<StepCounts>,
 }
 
 impl RunStatuses {
@@ -58,6 +61,7 @@ impl RunStatus {
             component: None,
             message: None,
             real_time: recording.and_then(|recording| recording.real_time),
+            steps: recording.and_then(|recording| recording.steps),
         }
     }
 

@@ -267,18 +267,20 @@ impl Scenario {
             }
         }
         let Simulation { step, iterate, error_control, .. } = &self.simulation;
-        let mut check = |span: Range<usize>, key: &str, value: f64, most: f64| {
-            if !(0.0 < value && value <= most) {
-                problems.add(span, format!("`{key}` must be above 0, up to {most}, got {value}"));
+        let step = *step.get_ref();
+        let mut check = |span: Range<usize>, key: &str, value: f64, least: f64, most: f64| {
+            if !(least <= value && value <= most) {
+                problems.add(span, format!("`{key}` must be from {least:?} to {most:?}, got {value:?}"));
             }
         };
         if let Some(key) = iterate {
-            check(key.span(), "tolerance", key.tolerance, 1.0);
+            check(key.span(), "tolerance", key.tolerance, 1e-14, 1.0);
         }
         if let Some(key) = error_control {
-            check(key.span(), "tolerance", key.tolerance, 1.0);
-            check(key.span(), "min_step", key.min_step.unwrap_or(*step.get_ref()), *step.get_ref());
-            check(key.span(), "initial_step", key.initial_step.unwrap_or(*step.get_ref()), *step.get_ref());
+            check(key.span(), "tolerance", key.tolerance, 1e-14, 1.0);
+            for (name, size) in [("min_step", key.min_step), ("initial_step", key.initial_step)] {
+                check(key.span(), name, size.unwrap_or(step), 1e-6 * step, step);
+            }
         }
         if let Some(key) = iterate.as_ref().filter(|key| key.limit < 2) {
             problems.add(key.span(), format!("`limit` must be at least 2, got {}", key.limit));

@@ -180,7 +180,7 @@ impl Stage<'_> {
     }
 
     fn is_due(&self, index: usize, at: Interval) -> bool {
-        at.step % self.exchange.rates[index].every == 0
+        at.step.is_multiple_of(self.exchange.rates[index].every)
     }
 
     /// Sets the inputs of a component, with the values that lines have at `time`.

@@ -247,10 +247,11 @@ impl Pool {
             failed("the worker process sent an unexpected response".to_owned())
         };
         match response {
-            Response::Recorded { rows, columns, exact, messages, seconds, real_time } => {
+            Response::Recorded { rows, columns, exact, messages, seconds, real_time, steps } => {
                 let recording = protocol::recording(rows, &columns, messages, seconds, worker.body());
+                let exact = exact.into_iter().collect();
                 recording
-                    .map(|recording| Recording { exact: exact.into_iter().collect(), real_time, ..recording })
+                    .map(|recording| Recording { exact, real_time, steps, ..recording })
                     .map_err(|_| unexpected(slot))
             }
             Response::Failed { failure, real_time, rows } => {

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::results::Part;
-use crate::run::{Exact, InputSeries, Interpolation, RealTime, Recording, Run, Setting, Simulation, Trial};
+use crate::run::{Exact, InputSeries, Interpolation, RealTime, Recording, Run, Setting, Simulation, StepCounts, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
@@ -59,6 +59,8 @@ pub(super) enum Response {
         seconds: f64,
         #[serde(default)]
         real_time: Option<RealTime>,
+        #[serde(default)]
+        steps: Option<StepCounts>,
     },
     Failed {
         failure: Failure,
@@ -115,9 +117,9 @@ impl Response {
     /// A recording as header and body.
     pub(super) fn recorded(mut recording: Recording) -> (Self, Vec<Vec<f64>>) {
         let exact = std::mem::take(&mut recording.exact).into_iter().collect();
-        let real_time = recording.real_time;
+        let Recording { real_time, steps, .. } = recording;
         let ((rows, columns), body, messages, seconds) = parts(recording);
-        (Self::Recorded { rows, columns, exact, messages, seconds, real_time }, body)
+        (Self::Recorded { rows, columns, exact, messages, seconds, real_time, steps }, body)
     }
 
     /// A failure as header, and the rows before it as body.
