@@ -107,15 +107,10 @@ fn factor(text: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    /// Number of seeds, if not all are used.
-    fn seeds(&self) -> Option<u32> {
-        self.selection.seeds.or(self.converge.converge.then_some(1))
-    }
-
     /// Keeps the runs of the chosen case and seeds.
     fn select(&self, plan: &mut Plan) -> miette::Result<()> {
-        if let Some(seeds) = self.seeds() {
-            plan.seeds.truncate(seeds as usize);
+        if self.converge.converge && self.selection.seeds.is_none() {
+            plan.seeds.truncate(1);
             plan.runs.retain(|run| run.seed.is_none_or(|seed| plan.seeds.contains(&seed)));
         }
         if let Some(case) = &self.case {
@@ -157,7 +152,10 @@ impl Arguments {
         let cut = [
             self.case.as_ref().map(|case| format!("--case {case}")),
             self.selection.stop.map(|stop| format!("--stop {stop}")),
-            self.seeds().map(|n| format!("--seeds {n}")),
+            self.selection
+                .seeds
+                .or((self.converge.converge && !plan.seeds.is_empty()).then_some(1))
+                .map(|n| format!("--seeds {n}")),
         ];
         let cut: Vec<String> = cut.into_iter().flatten().collect();
         let engine = match (&self.from_csv, self.engine) {

@@ -75,32 +75,24 @@ struct Pace {
 }
 
 impl Pace {
-    /// Longest sleep, so that a pause and the timeout of steps are noticed.
-    const SLEEP: Duration = Duration::from_millis(20);
-
-    fn new(factor: f64, start: f64) -> Self {
-        Self { start, began: Instant::now(), report: RealTime { factor, ..RealTime::default() } }
-    }
-
-    /// Waits at the end of a step until it is its time.
+    /// Waits at the end of a step until it is its time. The sleeps are short, so that pauses are noticed, and the parent
+    /// sees that the run goes on.
     fn wait(&mut self, time: f64) {
+        const SLEEP: Duration = Duration::from_millis(20);
         let report = &mut self.report;
         let due = Duration::try_from_secs_f64((time - self.start) / report.factor).unwrap_or(Duration::MAX);
         let delay = self.began.elapsed().saturating_sub(due).as_secs_f64();
-        if delay > 0.0 {
-            report.late_steps += 1;
-            report.largest_delay = report.largest_delay.max(delay);
-            report.total_delay += delay;
-        }
+        report.late_steps += u64::from(delay > 0.0);
+        report.largest_delay = report.largest_delay.max(delay);
+        report.total_delay += delay;
+        let board = calls::board();
         loop {
-            let now = Instant::now();
+            let (now, is_paused) = (Instant::now(), board.is_some_and(calls::Board::is_paused));
             let left = due.saturating_sub(now - self.began);
-            let board = calls::board();
-            let is_paused = board.is_some_and(calls::Board::is_paused);
             if left.is_zero() && !is_paused {
                 return;
             }
-            std::thread::sleep(if is_paused { Self::SLEEP } else { left.min(Self::SLEEP) });
+            std::thread::sleep(if is_paused { SLEEP } else { left.min(SLEEP) });
             if is_paused {
                 self.began += now.elapsed();
             }
@@ -132,7 +124,8 @@ pub(crate) fn record(
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run, &session);
     recorder.push(simulation.start, &session);
-    let mut pace = pace.map(|factor| Pace::new(factor, simulation.start));
+    let report = |factor| RealTime { factor, ..RealTime::default() };
+    let mut pace = pace.map(|factor| Pace { start: simulation.start, began: Instant::now(), report: report(factor) });
     let mut ended = Ok(());
     while ended.is_ok() && !session.is_over() {
         let before = session.steps();
