@@ -61,6 +61,32 @@ fn session(folder: &Path, calls: &[&str]) -> String {
     calls.iter().map(call).collect::<Vec<_>>().join("\n")
 }
 
+/// SSP 1.0, section 5: a system as a scenario, which then runs as any other, and the same without a folder.
+#[cfg(unix)]
+#[test]
+fn systems_of_other_tools_are_imported() {
+    let folder = folder(SCENARIO);
+    support::Build::new("Ramp", "u", "x").pack(folder.path());
+    let call = |line: &str| {
+        let output = command(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        (output.status.code(), message(&output.stdout) + &message(&output.stderr))
+    };
+    assert_eq!(call("export ramp.toml --fmus . --out out").0, Some(0));
+    let (code, said) = call("import out/ramp.ssp --out new/system");
+    assert_eq!((code, said.as_str()), (Some(0), "chassis run new/system/ramp.toml --fmus new/system/fmus"));
+    for (line, folder) in [("new/system/ramp.toml --fmus new/system/fmus", "a"), ("out/ramp.ssp", "b")] {
+        assert_eq!(call(&format!("run {line} --no-page --out {folder}")).0, Some(0), "{line}");
+    }
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name).join("ramp/runs/system.csv")).unwrap();
+    assert_eq!(read("a"), read("b"));
+    let (code, said) = call("import out/ramp.ssp --out new/system");
+    assert!(code == Some(1) && said.contains("new/system: the folder is not empty; choose another one"), "{said}");
+    let (code, said) = call("plan out/ramp.ssp --step 0.3");
+    assert!(code == Some(1) && said.contains("are 3.3333333333333335 steps of 0.3 s"), "{said}");
+    let (code, said) = call("plan ramp.toml --fmus . --variant other");
+    assert!(code == Some(1) && said.contains("`--variant` chooses a file of an SSP file, but there is none"), "{said}");
+}
+
 #[test]
 fn help() {
     let folder = TempDir::new().unwrap();
@@ -71,6 +97,7 @@ fn help() {
             "chassis plan --help",
             "chassis run --help",
             "chassis export --help",
+            "chassis import --help",
             "chassis study --help",
             "chassis bench --help",
             "chassis bench run --help",

@@ -36,6 +36,10 @@ kind = "ga"
 settings = { population = 5 }
 "#;
 
+const SYSTEM: &str = "<ssd:SystemStructureDescription version='1.0' name='ramp'><ssd:System name='s'><ssd:Elements>
+<ssd:Component name='ramp' source='resources/Ramp.fmu'/></ssd:Elements></ssd:System>
+<ssd:DefaultExperiment stopTime='1'/></ssd:SystemStructureDescription>";
+
 /// Last part of an FMU that a command reads; damage in later parts is not noticed.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 enum Part {
@@ -46,12 +50,14 @@ enum Part {
 use Part::{Archive, Binary, Description};
 
 /// The commands that open an FMU.
-const COMMANDS: [(&str, Part); 10] = [
+const COMMANDS: [(&str, Part); 12] = [
     ("inspect --xml Ramp.fmu", Archive),
     ("inspect Ramp.fmu", Description),
     ("plan ramp.toml --fmus .", Description),
     ("export ramp.toml --fmus . --out system", Description),
     ("fits --fmus .", Description),
+    ("plan ramp.ssp", Description),
+    ("run ramp.ssp", Binary),
     ("check Ramp.fmu", Binary),
     ("run ramp.toml --fmus .", Binary),
     ("linearize Ramp.fmu", Binary),
@@ -158,6 +164,12 @@ fn header(mut bytes: Vec<u8>, name: &str, [local, central]: [usize; 2], change: 
     bytes
 }
 
+/// An SSP file with a structure and `Ramp.fmu`.
+fn system(structure: &str, fmu: &[u8]) -> Vec<u8> {
+    let structure = structure.as_bytes().to_vec();
+    zipped(&[("SystemStructure.ssd".to_owned(), structure), ("resources/Ramp.fmu".to_owned(), fmu.to_vec())])
+}
+
 /// A folder with the scenario, the study, and a folder for temporary files.
 fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
@@ -168,6 +180,11 @@ fn folder() -> TempDir {
 }
 
 fn command(folder: &Path, command: &str) -> Output {
+    let packed = folder.join("ramp.ssp");
+    let is_packed = command.contains("ramp.ssp") && !packed.exists();
+    if is_packed {
+        std::fs::write(&packed, system(SYSTEM, &std::fs::read(folder.join("Ramp.fmu")).unwrap())).unwrap();
+    }
     let limits = format!("ulimit -v {MEMORY}; ulimit -t {PROCESSOR_TIME}");
     let output = Command::new("sh")
         .args(["-c", &format!("{limits}; exec \"$0\" {command} 2>stderr")])
@@ -178,6 +195,9 @@ fn command(folder: &Path, command: &str) -> Output {
         .env("CHASSIS_PYTHON", "")
         .output()
         .unwrap();
+    if is_packed {
+        std::fs::remove_file(packed).unwrap();
+    }
     assert!(output.status.code().is_some(), "{command} ends with {}", output.status);
     Output { stderr: std::fs::read(folder.join("stderr")).unwrap(), ..output }
 }
@@ -206,7 +226,8 @@ fn rejected_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str
     write(&folder.join("Ramp.fmu"));
     // Lines may break anywhere.
     let dense = |text: &str| text.split_whitespace().collect::<String>();
-    for (line, _) in COMMANDS.iter().filter(|(_, depth)| *depth >= part) {
+    let is_file = folder.join("Ramp.fmu").is_file();
+    for (line, _) in COMMANDS.iter().filter(|(line, depth)| *depth >= part && (is_file || !line.contains("ssp"))) {
         let output = command(folder, line);
         let said = message(&output);
         assert_eq!(output.status.code(), Some(1), "{what}: {line} ends with {}: {said}", output.status);
@@ -323,6 +344,46 @@ fn bombs_are_rejected() {
     let zeros = vec![0; 100_000_000];
     zip.write_all(&zeros).unwrap();
     rejected("zeros", &zip.finish().unwrap().into_inner(), Archive, "the ratio must not exceed 200");
+}
+
+/// A structure with 100,000 elements, connections or values is rejected or read in time, and its text does not control
+/// the terminal.
+#[test]
+fn hostile_structures_are_rejected() {
+    let fmu = Sound::new().bytes();
+    let many = |text: &str| text.repeat(100_000);
+    let component = "<ssd:Component name='ramp' source='resources/Ramp.fmu'";
+    let with = |elements: String, connections: String| {
+        let connections = format!("</ssd:Elements><ssd:Connections>{connections}</ssd:Connections>");
+        SYSTEM.replace("</ssd:Elements>", &connections).replace(&format!("{component}/>"), &elements)
+    };
+    let value = "<ssv:Parameter name='a'><ssv:Real value='1'/></ssv:Parameter>".to_owned();
+    let values: String = (0..100_000).map(|i| value.replace("'a'", &format!("'a{i}'"))).collect();
+    let set = format!(
+        "<ssv:ParameterSet version='1.0' name='p'><ssv:Parameters>{values}</ssv:Parameters></ssv:ParameterSet>"
+    );
+    let binding = format!(
+        "{component}><ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>{set}</ssd:ParameterValues>\
+         </ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component>"
+    );
+    let component = format!("{component}/>\n");
+    let components: String = (0..100_000).map(|i| component.replace("'ramp'", &format!("'r{i}'"))).collect();
+    let connection = "<ssd:Connection startElement='ramp' startConnector='x' endElement='ramp' endConnector='u'/>\n";
+    for (structure, expected) in [
+        (with(components, String::new()), "there are more than 1000 components and systems"),
+        (with(component.clone(), many(connection)), "a second connection writes `u`"),
+        (with(binding, String::new()), "`a1` is not a variable"),
+        (with(component.replace("'ramp'", "'r\u{9b}2J\u{202e}'"), many("<ssd:Connection/>")), "lacks the attribute"),
+        (with(component.replace("Ramp", "R\u{9b}2J\u{202e}"), String::new()), "the archive does not contain"),
+    ] {
+        let folder = folder();
+        std::fs::write(folder.path().join("ramp.ssp"), system(&structure, &fmu)).unwrap();
+        let output = command(folder.path(), "plan ramp.ssp");
+        let said = message(&output);
+        assert!(said.contains(expected) && !said.contains("panicked"), "{expected}: {said:.1000}");
+        assert!(!said.contains(['\u{9b}', '\u{202e}']) && said.len() < 200_000, "{expected}: {said:.1000}");
+        assert_eq!(names(&folder.path().join("temporary")), [""; 0], "{expected}");
+    }
 }
 
 /// Programs interpret these archives differently, so one program could unpack other content than another has checked.

@@ -18,7 +18,9 @@ use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, V
 use fmu_import::names::suggestion;
 use fmu_import::parameter_set::ParameterSet;
 use fmu_import::temporary::Folder;
+use fmu_import::terminal::escaped;
 use fmu_import::xml::{self, Element, Place, XmlError};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::Cursor;
 use std::ops::Range;
@@ -93,13 +95,13 @@ pub(crate) fn read(file: &Path, at: Range<usize>, choice: &Choice, problems: &mu
     let opened = open(file, &name).map_err(|message| problems.add(at, message));
     let (archive, text, folder) = opened.ok()?;
     let text = text.trim_start_matches('\u{feff}');
-    let is_wide = text.lines().any(|line| line.len() > MAX_LINE);
+    let is_hidden = text.lines().any(|line| line.len() > MAX_LINE || matches!(escaped(line), Cow::Owned(_)));
     let mut reader = Reader {
-        from: problems.add_source(&file.join(&name), if is_wide { "" } else { text }, "xml"),
+        from: problems.add_source(&file.join(&name), if is_hidden { "" } else { text }, "xml"),
         problems,
         archive,
         text,
-        is_wide,
+        is_hidden,
         lines: std::iter::once(0).chain(text.match_indices('\n').map(|(end, _)| end + 1)).collect(),
         folder,
         choice,
@@ -174,8 +176,8 @@ struct Reader<'a, 'e> {
     text: &'a str,
     /// Offset of its places.
     from: usize,
-    /// Lines are too long to be shown.
-    is_wide: bool,
+    /// Messages do not show the text: lines are too long, or control the terminal.
+    is_hidden: bool,
     /// Offsets of the lines in the text.
     lines: Vec<usize>,
     folder: Folder,
@@ -209,14 +211,14 @@ impl<'e> Reader<'_, 'e> {
         let start =
             self.lines.get(place.line.saturating_sub(1)).map_or(0, |line| line + place.column.saturating_sub(1));
         let length = self.text.get(start..).and_then(|rest| rest.find('>')).map_or(1, |length| length + 1);
-        if self.is_wide { self.from..self.from } else { self.from + start..self.from + start + length }
+        if self.is_hidden { self.from..self.from } else { self.from + start..self.from + start + length }
     }
 
     /// The message, unless too many were listed.
     fn listed(&mut self, XmlError { line, column, message }: XmlError) -> Option<(Range<usize>, String)> {
         let place = Place { line, column };
         self.listed += 1;
-        let message = if self.is_wide { place.error(message).to_string() } else { message };
+        let message = if self.is_hidden { place.error(message).to_string() } else { message };
         let message = if self.listed == MAX_LISTED { "more mistakes or warnings follow".to_owned() } else { message };
         (self.listed <= MAX_LISTED).then(|| (self.span(place), message))
     }

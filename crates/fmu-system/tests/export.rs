@@ -9,7 +9,7 @@ use fmu_import::description::Value;
 use fmu_import::parameter_set::ParameterSet;
 use fmu_system::export::{ExportError, OSP_STRUCTURE, PARAMETERS, STRUCTURE, System};
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+use fmu_system::resolve::{FmuFolder, Options, resolve, resolve_text};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::collections::BTreeMap;
@@ -464,6 +464,12 @@ record = { signals = ["so", "t"] }
     assert!(values.contains("version=\"2.0\"") && values.contains("<ssv:UInt64 value=\"4\"/>"), "{values}");
     // The elements of `t`, whose number is n, are recorded only.
     assert_eq!(system.components[0].connectors.len(), 1);
+    let again = resolve(&files[0], &FmuFolder::new([""; 0]), &Options::default()).unwrap();
+    let of = |plan: &Plan| {
+        let component = &plan.runs[0].components[0];
+        (component.structure.clone(), component.parameters.clone(), component.constants.clone())
+    };
+    assert_eq!(of(&again), of(&sized));
 
     let set = text.replace("up = 7", "k = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]");
     let set = plan(&folder, &set, &Options::default());
