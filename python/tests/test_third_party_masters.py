@@ -114,7 +114,13 @@ def run(written: Written, tool: str) -> Recording:
     """Run the files in a tool, in a separate process: a tool that crashes fails only one test."""
     out = written.folder.with_name(f"{tool}.csv")
     done = call(
-        sys.executable, str(ROOT / "scripts/run_system.py"), str(written.folder), "--tool", tool, "--out", str(out)
+        sys.executable,
+        str(ROOT / "tests/other_masters/run_system.py"),
+        str(written.folder),
+        "--tool",
+        tool,
+        "--out",
+        str(out),
     )
     assert done.returncode == 0, done.stdout
     return read_csv(out)
@@ -199,7 +205,7 @@ def direct(written: Written) -> set[str]:
 @pytest.mark.parametrize("order", ["sequential", "jacobi"])
 def test_the_loop_as_one_fmu(written: Written, order: str, tmp_path: Path) -> None:
     path = tmp_path / "loop.fmu"
-    script = str(ROOT / "scripts/run_system.py")
+    script = str(ROOT / "tests/other_masters/run_system.py")
     done = call(
         sys.executable, script, str(written.folder), "--tool", "container", "--order", order, "--out", str(path)
     )
@@ -224,7 +230,7 @@ def test_the_loop_as_one_fmu(written: Written, order: str, tmp_path: Path) -> No
 
 
 def test_a_tool_that_fails_says_why(tmp_path: Path) -> None:
-    script = str(ROOT / "scripts/run_system.py")
+    script = str(ROOT / "tests/other_masters/run_system.py")
     done = call(sys.executable, script, str(tmp_path), "--tool", "fmpy")
     assert done.returncode == 1
     assert "must contain one SSP file, found 0" in done.stdout

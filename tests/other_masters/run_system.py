@@ -1,4 +1,4 @@
-"""Run a system from `chassis export` in another tool: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
+"""Run a system from `chassis export` in another tool: `run_system.py FOLDER --tool TOOL`, see `--help`.
 
 Ecos reads the SSP file. libcosim reads OspSystemStructure.xml or, with `-ssp`, the SSP file. With `-calls`, this script
 builds the same structure with calls to the library of the tool. The tool `container` runs nothing: it packs the system
