@@ -66,6 +66,7 @@ class System:
         file: Path,
         folders: Sequence[Path],
         stop: float | None,
+        step: float | None,
         fmus: Mapping[str, tuple[str, bool]],
     ) -> None: ...
     def plan(self) -> str: ...

@@ -134,9 +134,9 @@ def _split(name: str) -> tuple[str, str]:
 class Scenario:
     """A scenario file with its FMUs.
 
-    `fmus` lists folders with FMUs (default: the folders that `fmus()` searches), `stop` ends the runs earlier (s), and
-    `replace` gives other FMUs for components. Raises `ScenarioError`, with file, line and column, if the file or an
-    FMU cannot be used.
+    `fmus` lists folders with FMUs (default: the folders that `fmus()` searches), `stop` ends the runs earlier (s),
+    `step` is another communication step (s), and `replace` gives other FMUs for components. Raises `ScenarioError`,
+    with file, line and column, if the file or an FMU cannot be used.
     """
 
     def __init__(
@@ -145,19 +145,21 @@ class Scenario:
         *,
         fmus: Sequence[str | Path] | None = None,
         stop: float | None = None,
+        step: float | None = None,
         replace: Mapping[str, str] | None = None,
         keep_parameters: bool = False,
     ) -> None:
         self.file = Path(file).resolve()
         self._folders = [Path(f).resolve() for f in (fmus if fmus is not None else default_folders())]
         self._stop = stop
+        self._step = step
         self._replace = dict(replace or {})
         self._keep_parameters = keep_parameters
         self._connect()
 
     def _connect(self) -> None:
         replaced = {component: (fmu, self._keep_parameters) for component, fmu in self._replace.items()}
-        self._native = _native.System(self.file, self._folders, self._stop, replaced)
+        self._native = _native.System(self.file, self._folders, self._stop, self._step, replaced)
         self.plan = plan.Plan.parse(self._native.plan(), Path())
 
     def __getstate__(self) -> dict[str, Any]:

@@ -153,11 +153,12 @@ impl System {
         file: PathBuf,
         folders: Vec<PathBuf>,
         stop: Option<f64>,
+        step: Option<f64>,
         fmus: BTreeMap<String, (String, bool)>,
     ) -> PyResult<Self> {
         let fmus =
             fmus.into_iter().map(|(component, (fmu, keep_parameters))| OtherFmu { component, fmu, keep_parameters });
-        let options = Options { stop, fmus: fmus.collect(), ..Options::default() };
+        let options = Options { stop, step, fmus: fmus.collect(), ..Options::default() };
         py.detach(|| {
             let plan = resolve(&file, &FmuFolder::new(folders), &options)
                 .map_err(|problem| error(problem.lines().join("\n")))?;

@@ -96,6 +96,14 @@ def test_fmus_are_factors(tmp_path: Path) -> None:
     ]
 
 
+def test_the_communication_step_is_a_factor(tmp_path: Path) -> None:
+    """The output counts the steps of a run of 0.2 s."""
+    build(tmp_path, "i->v.real[1] + 1")
+    study = 'method = "sweep"\ncases = ["plain"]\n' + vary("h", "simulation:step", "values = [0.1, 0.05, 0.02]")
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    assert [(r["h"], r["y"]) for r in rows(tmp_path)] == [(0.1, 2.0), (0.05, 4.0), (0.02, 10.0)]
+
+
 @pytest.mark.parametrize(("keep", "plain", "shifted"), [("true", -321.0, -331.0), ("false", -10.0, -30.0)])
 def test_an_fmu_keeps_parameters_if_the_study_says_so(tmp_path: Path, keep: str, plain: float, shifted: float) -> None:
     """a, b, c are 1, 2, 3 in the scenario and 0, 1, 0 in the FMU; in the second case, b is always 3."""
@@ -324,6 +332,9 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
         (SAMPLE + 'cases = ["shiftd"]\n' + TWO, "expected one of plain, shifted"),
         (SAMPLE + TWO + '[[requirement]]\nmetric = "z"\nmax = 1.0\n', "unknown metric `z`, expected one of y, twice"),
         ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["None"]\n', "there is no None.fmu"),
+        ('method = "sweep"\n' + vary("h", "simulation:step", "values = [0.1, 0.03]"), "must be a whole number"),
+        ('method = "sweep"\n' + vary("h", "simulation:step", "values = [0.1, 0.0]"), "must be a number above 0 s"),
+        (SAMPLE + vary("h", "simulation:step", UNIFORM), "the communication step needs `values` in s"),
         ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "g"\nvalues = ["Function"]\n', "no component `g`"),
     ],
 )

@@ -110,7 +110,8 @@ enum Analysis {
 struct Factor {
     /// Name of the factor and of its column in the tables.
     name: Spanned<String>,
-    /// Parameters, start values, or constant inputs, as `component:variable`.
+    /// Parameters, start values, or constant inputs, as `component:variable`; or the communication step in s, as
+    /// `simulation:step`.
     variable: Option<Spanned<Names>>,
     /// Component whose FMU varies, instead of a variable.
     fmu: Option<Spanned<String>>,
@@ -188,6 +189,17 @@ enum Level {
     Number(f64),
     /// String, value of an enumeration, or FMU.
     Text(String),
+}
+
+impl Level {
+    /// The value, if it is a number.
+    fn number(&self) -> Option<f64> {
+        match self {
+            Self::Integer(value) => Some(*value as f64),
+            Self::Number(value) => Some(*value),
+            Self::Boolean(_) | Self::Text(_) => None,
+        }
+    }
 }
 
 /// Spacing of the values of a grid.

@@ -50,9 +50,14 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True):
     scale: Literal["linear", "log"] | None = None
 
     @property
+    def is_step(self) -> bool:
+        """Return whether the communication step varies."""
+        return self.variable == "simulation:step"
+
+    @property
     def variables(self) -> list[str]:
         """Return all variables, as `component:variable`."""
-        if self.variable is None:
+        if self.variable is None or self.is_step:
             return []
         return [self.variable] if isinstance(self.variable, str) else self.variable
 

@@ -1,4 +1,4 @@
-"""The work of a study: a scenario for each choice of FMUs (a variant), and the changes for each sample."""
+"""The work of a study: a scenario for each choice of FMUs and step (a variant), and the changes for each sample."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ class Source:
     file: Path
     folders: tuple[Path, ...]
     stop: float | None
+    step: float | None
     replace: tuple[tuple[str, str], ...]
     keep_parameters: bool
 
@@ -37,6 +38,7 @@ class Source:
             self.file,
             fmus=self.folders,
             stop=self.stop,
+            step=self.step,
             replace=dict(self.replace),
             keep_parameters=self.keep_parameters,
         )
@@ -90,8 +92,8 @@ class Job:
         self.study = study
         self.name = path.stem
         scenario = (path.parent / study.scenario).resolve()
-        factors = [f for f in study.vary if f.fmu is not None]
-        choices = list(itertools.product(*((str(v) for v in f.values or ()) for f in factors)))
+        factors = [f for f in study.vary if f.fmu is not None or f.is_step]
+        choices = list(itertools.product(*(f.values or () for f in factors)))
         keep = any(f.keep_parameters for f in factors)
         self._factors = factors
         self.sources = [
@@ -99,12 +101,13 @@ class Job:
                 scenario,
                 tuple(folders),
                 study.stop,
-                tuple((f.fmu or "", name) for f, name in zip(factors, choice, strict=True)),
+                next((float(value) for f, value in zip(factors, choice, strict=True) if f.is_step), None),
+                tuple((f.fmu, str(name)) for f, name in zip(factors, choice, strict=True) if f.fmu is not None),
                 keep,
             )
             for choice in choices
         ]
-        self._choices = {choice: index for index, choice in enumerate(choices)}
+        self._choices: dict[tuple[Value, ...], int] = {choice: index for index, choice in enumerate(choices)}
         self.scenarios = [source.open() for source in self.sources]
         self.plan = self.scenarios[0].plan
         self.cells = self._cells()
@@ -156,7 +159,7 @@ class Job:
         return found
 
     def _variable(self, name: str) -> Variable:
-        """Return a variable, from the first choice of FMUs that has it."""
+        """Return a variable, from the first variant that has it."""
         for scenario in self.scenarios[:-1]:
             with contextlib.suppress(ScenarioError):
                 return scenario.variable(name)
@@ -164,6 +167,8 @@ class Job:
 
     def unit(self, factor: Factor) -> str:
         """Return the unit of a factor's values: as written, or the unit of its variables if they share one."""
+        if factor.is_step:
+            return "s"
         if factor.unit is not None or factor.relative or factor.distribution == "seed":
             return factor.unit or ""
         known = {variable.unit or "" for variable in self._variables.get(factor.name, ())}
@@ -195,8 +200,7 @@ class Job:
 
     def task(self, number: int, values: Mapping[str, Value]) -> Task:
         """Return the task of a sample: its values as changes to the scenario."""
-        choice = tuple(str(values[f.name]) for f in self._factors)
-        variant = self._choices[choice]
+        variant = self._choices[tuple(values[f.name] for f in self._factors)]
         changes: list[tuple[str, Value]] = []
         for factor in self.study.vary:
             if factor.fmu is not None:

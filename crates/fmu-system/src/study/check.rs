@@ -240,6 +240,11 @@ impl Search {
 }
 
 impl Factor {
+    /// Returns true if the communication step varies.
+    pub(super) fn is_step(&self) -> bool {
+        matches!(self.variable.as_ref().map(Spanned::get_ref), Some(Names::One(name)) if name == "simulation:step")
+    }
+
     fn size(&self) -> Option<usize> {
         let values = self.values.as_ref().map(|values| values.len());
         values.or_else(|| usize::try_from(value(&self.count)?).ok())
@@ -271,6 +276,10 @@ impl Factor {
                 "`unit` and `relative` do not apply to an FMU: remove them",
             ),
             (self.fmu.is_none() && self.keep_parameters, "`keep_parameters` belongs to `fmu`"),
+            (
+                self.is_step() && (self.unit.is_some() || self.relative || self.distribution.is_some()),
+                "the communication step needs `values` in s, without `unit` and `relative`",
+            ),
             (
                 is_seed && (self.unit.is_some() || self.relative),
                 "`unit` and `relative` do not apply to a seed: remove them",
@@ -307,6 +316,10 @@ impl Factor {
                 (kind(level) != kind(&levels[0]), "values must be all numbers, all strings, or true and false"),
                 (matches!(level.get_ref(), Level::Number(n) if !n.is_finite()), "expected a finite number"),
                 (self.fmu.is_some() && kind(level) != 0, "expected values with the names of FMUs"),
+                (
+                    self.is_step() && level.get_ref().number().is_none_or(|step| step <= 0.0),
+                    "a communication step must be a number above 0 s",
+                ),
             ] {
                 if is_wrong {
                     checks.0.add(level.span(), message);

@@ -25,18 +25,22 @@ fn check_names<'a>(
     }
 }
 
-/// All combinations of the FMUs that factors list, each with the place of its last FMU.
-fn choices(factors: &[Factor]) -> Vec<(Vec<OtherFmu>, Option<Range<usize>>)> {
+/// All combinations of the FMUs and communication steps that factors list, each with the place of its last value.
+fn choices(factors: &[Factor], stop: Option<f64>) -> Vec<(Options, Option<Range<usize>>)> {
     let keep_parameters = factors.iter().any(|factor| factor.keep_parameters);
-    let mut all = vec![(Vec::new(), None)];
+    let mut all = vec![(Options { stop, ..Options::default() }, None)];
     for factor in factors {
-        let (Some(component), Some(values)) = (&factor.fmu, &factor.values) else { continue };
-        let with = |(chosen, _): &(Vec<OtherFmu>, _)| -> Vec<(Vec<OtherFmu>, Option<Range<usize>>)> {
-            let each = values.iter().filter_map(|level| {
-                let Level::Text(fmu) = level.get_ref() else { return None };
-                let component = component.get_ref().clone();
-                let other = OtherFmu { component, fmu: fmu.clone(), keep_parameters };
-                Some((chosen.iter().cloned().chain([other]).collect(), Some(level.span())))
+        let Some(values) = factor.values.as_ref().filter(|_| factor.fmu.is_some() || factor.is_step()) else { continue };
+        let with = |(options, _): &(Options, _)| -> Vec<(Options, Option<Range<usize>>)> {
+            let each = values.iter().map(|level| {
+                let mut options = options.clone();
+                if let (Some(component), Level::Text(fmu)) = (&factor.fmu, level.get_ref()) {
+                    let component = component.get_ref().clone();
+                    options.fmus.push(OtherFmu { component, fmu: fmu.clone(), keep_parameters });
+                } else {
+                    options.step = level.get_ref().number();
+                }
+                (options, Some(level.span()))
             });
             each.collect()
         };
@@ -59,9 +63,9 @@ impl Study {
             return Ok(());
         }
         let mut plans = Vec::new();
-        for (fmus, place) in choices(self.vary.get_ref()) {
-            let stop = self.stop.as_ref().map(|stop| *stop.get_ref());
-            match resolve(&scenario, source, &Options { stop, fmus, ..Options::default() }) {
+        let stop = self.stop.as_ref().map(|stop| *stop.get_ref());
+        for (options, place) in choices(self.vary.get_ref(), stop) {
+            match resolve(&scenario, source, &options) {
                 Ok(plan) => plans.push(plan),
                 Err(ResolveError::Stop { message, .. }) => {
                     problems.add(self.stop.as_ref().map_or(0..0, Spanned::span), message);
@@ -135,7 +139,7 @@ impl Requirement {
 impl Factor {
     /// Checks the variables, each in the first choice of FMUs that has it.
     fn check_variables(&self, plans: &[Plan], source: &dyn Descriptions, problems: &mut Collector) {
-        let Some(variable) = &self.variable else { return };
+        let Some(variable) = self.variable.as_ref().filter(|_| !self.is_step()) else { return };
         let names = match variable.get_ref() {
             Names::One(name) => std::slice::from_ref(name),
             Names::Several(names) => names,
@@ -205,11 +209,7 @@ impl Factor {
     /// Returns the values of a list, or the ends of a distribution that has a minimum, each with its place.
     fn extremes(&self) -> Vec<(f64, Range<usize>)> {
         if let Some(values) = &self.values {
-            let number = |level: &Spanned<Level>| match level.get_ref() {
-                Level::Integer(value) => Some((*value as f64, level.span())),
-                Level::Number(value) => Some((*value, level.span())),
-                Level::Boolean(_) | Level::Text(_) => None,
-            };
+            let number = |level: &Spanned<Level>| Some((level.get_ref().number()?, level.span()));
             return values.iter().filter_map(number).collect();
         }
         let Some(min) = &self.min else { return Vec::new() };
