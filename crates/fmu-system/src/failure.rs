@@ -37,12 +37,10 @@ impl Failure {
             }
             FmusError::Steady { component, .. } => (Some(component), None, FailureKind::Error),
             FmusError::Fmu(FmuError::Call(call)) => {
-                let kind = match (&call.problem, call.function) {
-                    (CallProblem::Terminated, _) => FailureKind::Terminated,
-                    (CallProblem::Status(Status::Fatal), _) => FailureKind::Fatal,
-                    (CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn, "fmi2DoStep" | "fmi3DoStep") => {
-                        FailureKind::Discarded
-                    }
+                let kind = match &call.problem {
+                    CallProblem::Terminated => FailureKind::Terminated,
+                    CallProblem::Status(Status::Fatal) => FailureKind::Fatal,
+                    _ if cause.discarded().is_some() => FailureKind::Discarded,
                     _ => FailureKind::Error,
                 };
                 (Some(&call.instance), None, kind)

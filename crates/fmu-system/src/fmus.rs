@@ -4,7 +4,7 @@ use crate::run::{Component, Run};
 use fmu_import::archive::read_description_with;
 use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
-use fmu_import::loader::{CallError, Instance};
+use fmu_import::loader::{CallError, CallProblem, Instance, Status};
 use std::path::{Path, PathBuf};
 
 const HELP_LOOP: &str = "break it with a delay, or give the input another start value";
@@ -67,6 +67,15 @@ pub enum FmusError {
     /// The FMU was not loaded.
     #[error("the FMU {0} is not among those loaded")]
     NotLoaded(String),
+}
+
+impl FmusError {
+    /// The call, if an FMU has discarded a step.
+    pub(crate) fn discarded(&self) -> Option<&CallError> {
+        let Self::Fmu(FmuError::Call(call)) = self else { return None };
+        let is_discarded = matches!(call.problem, CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn);
+        (is_discarded && matches!(call.function, "fmi2DoStep" | "fmi3DoStep")).then_some(call)
+    }
 }
 
 impl From<CallError> for FmusError {

@@ -4,7 +4,7 @@
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Instances;
 pub use crate::run::Recording;
-use crate::run::{Exact, RealTime, Run, Simulation};
+use crate::run::{Component, Exact, RealTime, Run, Simulation};
 use crate::session::Session;
 use fmu_import::limits;
 use fmu_import::loader::calls;
@@ -120,8 +120,44 @@ pub(crate) fn record(
     is_terminated: bool,
     pace: Option<f64>,
 ) -> Result<Recording, Failure> {
+    match attempt(simulation, run, fmus, is_terminated, pace, false) {
+        Err(failure) if failure.kind == FailureKind::Discarded && can_retry(simulation, run, fmus) => {
+            attempt(simulation, run, fmus, is_terminated, pace, true)
+        }
+        recorded => recorded,
+    }
+}
+
+/// Returns true if all components can repeat a discarded step with shorter ones.
+fn can_retry(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> bool {
+    let can_repeat = |own: &Component| {
+        let description = fmus.description(own);
+        description.is_ok_and(|description| {
+            let interface = description.interface(own.interface().unwrap_or(description.stepped_interface()));
+            let has_both = interface.is_some_and(|interface| {
+                let is_variable = interface.can_handle_variable_communication_step_size || own.integration.is_some();
+                interface.can_get_and_set_fmu_state && is_variable
+            });
+            has_both && description.clocks.is_empty() && (own.is_discrete || (own.every, own.substeps) == (1, 1))
+        })
+    };
+    simulation.error_control.is_none() && run.components.iter().all(can_repeat)
+}
+
+/// Executes a run. With `has_retry`, discarded steps are repeated with shorter ones.
+fn attempt(
+    simulation: &Simulation,
+    run: &Run,
+    fmus: &dyn Instances,
+    is_terminated: bool,
+    pace: Option<f64>,
+    has_retry: bool,
+) -> Result<Recording, Failure> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
+    if has_retry {
+        session.retry_steps(run);
+    }
     let mut recorder = Recorder::new(simulation, run, &session);
     recorder.push(simulation.start, &session);
     let report = |factor| RealTime { factor, ..RealTime::default() };

@@ -484,7 +484,7 @@ impl Session {
             members,
             feeder: Feeder { series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(), step: simulation.step },
             overwritten: Vec::new(),
-            coupling: Coupling::of(simulation, run),
+            coupling: Coupling::of(simulation, run, false),
             step: 0,
             board,
             logged: Vec::new(),
@@ -509,7 +509,12 @@ impl Session {
         self.step >= self.simulation.steps
     }
 
-    /// Numbers of steps under error control; `None` without it.
+    /// Repeats discarded steps with shorter ones.
+    pub(crate) fn retry_steps(&mut self, run: &Run) {
+        self.coupling = Coupling::of(&self.simulation, run, true);
+    }
+
+    /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     pub(crate) fn counts(&self) -> Option<StepCounts> {
         self.coupling.as_ref()?.counts()
     }

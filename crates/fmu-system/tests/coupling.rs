@@ -10,6 +10,7 @@ use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use fmu_system::run::Recording;
 use fmu_system::session::Session;
+use fmu_system::worker::FailureKind;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
@@ -535,5 +536,37 @@ fn a_restored_session_has_its_slopes_rates_and_step() {
             session.step().unwrap();
             assert_eq!(session.column(0), Some(expected.column(0).unwrap()[session.steps() as usize]), "{keys}");
         }
+    }
+}
+
+/// With steps of 0.1 s, a component discards each step above 0.03 s. With the last successful time: 0.03, 0.03, 0.03,
+/// 0.01 s and 3 discards; without: 0.025, 0.01875, 0.028125, 0.028125 s and 5 discards.
+#[test]
+fn discarded_steps_are_repeated_with_shorter_ones() {
+    let limited = [("S1", ""), ("S2", "parameters = { limit = 0.03 }")];
+    let keys = "stop = 1.0\nstep = 0.1\nextrapolation = \"linear\"";
+    for (defects, smallest, largest, discards) in
+        [(&[][..], 0.01, 0.03, 30), (&["NO_LAST_TIME"], 0.01875, 0.028125, 50)]
+    {
+        let folder = oscillator_with([ALL; 2], defects);
+        let recording = run(&resolved(&folder, &scenario(keys, &limited, "\"x1\", \"s2_gaps\"")).unwrap());
+        let steps = recording.steps.unwrap();
+        assert_eq!((steps.accepted, steps.rejected, recording.time.len()), (40, discards, 11));
+        assert!((steps.smallest - smallest).abs() < 1e-12 && (steps.largest - largest).abs() < 1e-12, "{steps:?}");
+        // The largest error of fixed steps of 10 ms is 0.0095.
+        let last = row(&recording, 1.0);
+        assert!((last[0] - exact(&[1.0])[0]).abs() < 0.1 && last[1] == 0.0, "{last:?}");
+        // Error control rejects such steps.
+        let control = keys.to_owned() + "\nerror_control = { tolerance = 1.0, initial_step = 0.1 }";
+        let steps = run(&resolved(&folder, &scenario(&control, &limited, "\"x1\"")).unwrap()).steps.unwrap();
+        assert!(steps.rejected > 0 && steps.largest <= 0.06 + 1e-9, "{steps:?}");
+    }
+    // A component that takes samples, and one that cannot save its state, end the run.
+    for (flags, kind) in [([ALL; 2], "kind = \"discrete\"\n"), (["", ALL], "")] {
+        let folder = oscillator_with(flags, &[]);
+        let limited = [("S1", ""), ("S2", &*format!("{kind}parameters = {{ limit = 0.03 }}"))];
+        let plan = resolved(&folder, &scenario("stop = 1.0\nstep = 0.1", &limited, "\"x1\"")).unwrap();
+        let failure = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap_err();
+        assert_eq!((failure.kind, failure.component.as_deref()), (FailureKind::Discarded, Some("s2")));
     }
 }

@@ -16,6 +16,13 @@ use fmu_import::loader::{CallError, SavedState};
 pub(super) struct Coupling {
     exchange: Exchange,
     parts: Vec<Part>,
+    retry: Option<Retry>,
+}
+
+/// Shorter steps instead of discarded ones.
+struct Retry {
+    start: Start,
+    counts: StepCounts,
 }
 
 /// Components that make their steps together. Parts are in order of execution.
@@ -32,6 +39,10 @@ struct States {
 }
 
 impl States {
+    fn of(members: Vec<usize>) -> Self {
+        Self { members, states: Vec::new() }
+    }
+
     fn save(&mut self, members: &mut [Component]) -> Result<(), CallError> {
         if self.states.is_empty() {
             self.members.iter().for_each(|index| members[*index].instance.allow_earlier_states());
@@ -46,6 +57,36 @@ impl States {
     fn restore(&self, members: &mut [Component]) -> Result<(), CallError> {
         let mut all = self.members.iter().zip(&self.states);
         all.try_for_each(|(index, state)| members[*index].instance.restore_state(state))
+    }
+}
+
+/// The start of a step, from which it can be repeated: states of components, signals, slopes, rows of input series.
+struct Start {
+    states: States,
+    bus: Bus,
+    slopes: Vec<f64>,
+    rows: Vec<usize>,
+}
+
+impl Start {
+    fn of(members: Vec<usize>) -> Self {
+        let bus = Bus { numbers: Vec::new(), exact: Vec::new(), binaries: Vec::new() };
+        Self { states: States::of(members), bus, slopes: Vec::new(), rows: Vec::new() }
+    }
+
+    fn save(&mut self, stage: &mut Stage<'_>) -> Result<(), CallError> {
+        self.bus.take(stage.signals.bus);
+        self.slopes.clone_from(&stage.exchange.memory.slopes);
+        self.rows.clear();
+        self.rows.extend(stage.feeder.series.iter().map(|(_, row)| *row));
+        self.states.save(stage.signals.members)
+    }
+
+    fn restore(&mut self, stage: &mut Stage<'_>) -> Result<(), CallError> {
+        stage.signals.bus.take(&self.bus);
+        stage.exchange.memory.slopes.clone_from(&self.slopes);
+        stage.feeder.series.iter_mut().zip(&self.rows).for_each(|((_, row), before)| *row = *before);
+        self.states.restore(stage.signals.members)
     }
 }
 
@@ -67,19 +108,21 @@ fn signals(run: &Run, members: &[usize], readers: &[usize]) -> Vec<Signal> {
 }
 
 impl Coupling {
-    /// The coupling of a run; `None` if all components make one step per step of the run, with constant inputs.
-    pub(super) fn of(simulation: &Simulation, run: &Run) -> Option<Box<Self>> {
+    /// The coupling of a run; `None` if all components make one step per step of the run, with constant inputs. With
+    /// `has_retry`, discarded steps are repeated with shorter ones.
+    pub(super) fn of(simulation: &Simulation, run: &Run, has_retry: bool) -> Option<Box<Self>> {
         let is_special =
             |own: &run::Component| (own.every, own.substeps) != (1, 1) || own.inputs.iter().any(|wire| wire.is_ramp);
         let Simulation { iterate, error_control, order, .. } = *simulation;
-        if iterate.is_none() && error_control.is_none() && !run.components.iter().any(is_special) {
+        let is_repeated = iterate.is_some() || error_control.is_some() || has_retry;
+        if !is_repeated && !run.components.iter().any(is_special) {
             return None;
         }
         let groups = iterate.map_or_else(Vec::new, |_| run.coupled());
         let once_or_iterated = |index: usize| match groups.iter().find(|group| group.contains(&index)) {
             Some(group) if group[0] == index => Some(Part::Iterated(Box::new(Iterated {
                 settings: iterate?,
-                states: States { members: group.clone(), states: Vec::new() },
+                states: States::of(group.clone()),
                 signals: signals(run, group, group),
             }))),
             Some(_) => None,
@@ -95,7 +138,7 @@ impl Coupling {
                     simulation,
                     settings,
                     continuous.iter().copied().filter_map(once_or_iterated).collect(),
-                    States { members: continuous.clone(), states: Vec::new() },
+                    Start::of(continuous.clone()),
                     signals(run, &continuous, &all.clone().collect::<Vec<_>>()),
                 );
                 let mut controlled = Some(Part::Controlled(Box::new(controlled)));
@@ -105,7 +148,9 @@ impl Coupling {
                 all.filter_map(part).collect()
             }
         };
-        Some(Box::new(Self { exchange: Exchange::new(simulation, run, &groups), parts }))
+        let start = has_retry.then(|| Start::of((0..run.components.len()).collect()));
+        let retry = start.map(|start| Retry { start, counts: StepCounts::default() });
+        Some(Box::new(Self { exchange: Exchange::new(simulation, run, &groups), parts, retry }))
     }
 
     /// Makes a step of the run.
@@ -117,22 +162,20 @@ impl Coupling {
         at: Interval,
     ) -> Result<Ended, FmusError> {
         let mut stage = Stage { exchange: &mut self.exchange, clocked, signals, feeder };
-        stage.begin(at);
-        let ended = pass(&mut self.parts, &mut stage, at)?;
-        // Under error control, the last of the smaller steps sets the slopes.
-        if !self.parts.iter().any(|part| matches!(part, Part::Controlled(_))) {
-            stage.end(at);
+        stage.exchange.whole = at;
+        match &mut self.retry {
+            None => attempt(&mut self.parts, &mut stage, at),
+            Some(retry) => retry.step(&mut self.parts, &mut stage, at),
         }
-        Ok(ended)
     }
 
     fn controlled(&self) -> Option<&Controlled> {
         self.parts.iter().find_map(|part| if let Part::Controlled(own) = part { Some(&**own) } else { None })
     }
 
-    /// Numbers of steps under error control.
+    /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     pub(super) fn counts(&self) -> Option<StepCounts> {
-        self.controlled().map(|own| own.counts)
+        self.retry.as_ref().map(|retry| retry.counts).or_else(|| self.controlled().map(|own| own.counts))
     }
 
     /// The values that the next steps depend on, with the size of the next step under error control.
@@ -146,6 +189,54 @@ impl Coupling {
             if let (Part::Controlled(own), Some(wanted)) = (part, wanted) {
                 own.wanted = *wanted;
             }
+        }
+    }
+}
+
+/// Makes a step of all parts, with its input series and slopes.
+fn attempt(parts: &mut [Part], stage: &mut Stage<'_>, at: Interval) -> Result<Ended, FmusError> {
+    stage.begin(at);
+    let ended = pass(parts, stage, at)?;
+    // Under error control, the last of the smaller steps sets the slopes.
+    if !parts.iter().any(|part| matches!(part, Part::Controlled(_))) {
+        stage.end(at);
+    }
+    Ok(ended)
+}
+
+impl Retry {
+    /// Makes a step of the run. If a continuous component discards a part of it, all components repeat it up to the time
+    /// that this one has reached, else up to the half of it. Then follows the rest of the step.
+    fn step(&mut self, parts: &mut [Part], stage: &mut Stage<'_>, whole: Interval) -> Result<Ended, FmusError> {
+        let mut at = whole;
+        loop {
+            self.start.save(stage)?;
+            let ended = loop {
+                let error = match attempt(parts, stage, at) {
+                    Ok(ended) => break ended,
+                    Err(error) => error,
+                };
+                let Some(name) = error.discarded().map(|call| &call.instance) else { return Err(error) };
+                let members = &mut *stage.signals.members;
+                let Some(index) = members.iter().position(|own| own.instance.name() == name) else { return Err(error) };
+                let reached = members[index].instance.last_successful_time().unwrap_or(at.time);
+                let is_within = at.time < reached && reached < at.end;
+                let end = if is_within { reached } else { at.time + 0.5 * (at.end - at.time) };
+                if stage.exchange.is_discrete(index) || end - at.time < stage.exchange.simulation.step / 1024.0 {
+                    return Err(error);
+                }
+                self.counts.rejected += 1;
+                self.start.restore(stage)?;
+                at = Interval { size: end - at.time, end, ..at };
+            };
+            self.counts.accept(at.size, false);
+            if at.end >= whole.end {
+                return Ok(ended);
+            }
+            if let Some((_, error)) = ended {
+                return Ok(Some((Reached::Start, error)));
+            }
+            at = Interval { time: at.end, size: whole.end - at.end, ..whole };
         }
     }
 }
@@ -240,7 +331,7 @@ impl Signal {
 /// Continuous components whose steps are chosen by their error: that of one step against two halves.
 struct Controlled {
     parts: Vec<Part>,
-    states: States,
+    start: Start,
     /// The connected signals, with the values after one step.
     signals: Vec<Signal>,
     tolerance: f64,
@@ -251,10 +342,6 @@ struct Controlled {
     /// Size of the next step, s.
     wanted: f64,
     counts: StepCounts,
-    /// Values at the start of a step: signals, slopes, rows of input series.
-    bus: Bus,
-    slopes: Vec<f64>,
-    rows: Vec<usize>,
 }
 
 impl Controlled {
@@ -262,23 +349,20 @@ impl Controlled {
         simulation: &Simulation,
         settings: ErrorControl,
         parts: Vec<Part>,
-        states: States,
+        start: Start,
         signals: Vec<Signal>,
     ) -> Self {
         let largest = simulation.step;
         let limits = [settings.min_step.unwrap_or(largest / 1024.0), largest];
         Self {
             parts,
-            states,
+            start,
             signals: signals.into_iter().filter(|signal| signal.nominal.is_some()).collect(),
             tolerance: settings.tolerance,
             limits,
             order: if simulation.extrapolation == Extrapolation::Linear { 2.0 } else { 1.0 },
             wanted: settings.initial_step.unwrap_or(largest / 16.0).clamp(limits[0], limits[1]),
             counts: StepCounts::default(),
-            bus: Bus { numbers: Vec::new(), exact: Vec::new(), binaries: Vec::new() },
-            slopes: Vec::new(),
-            rows: Vec::new(),
         }
     }
 
@@ -295,11 +379,12 @@ impl Controlled {
             let at = Interval { time, size: end - time, end, ..whole };
             // The size is a difference of times, which is rounded.
             let is_smallest = at.size <= self.limits[0] * (1.0 + STEP_SLACK);
-            self.save(stage)?;
+            self.start.save(stage)?;
             let error = match self.estimate(stage, at) {
                 Ok(Ok(error)) => error,
                 Ok(Err(ended)) => return Ok(Some((Reached::Start, ended))),
                 Err(FmusError::Unsettled { .. }) if !is_smallest => f64::INFINITY,
+                Err(error) if !is_smallest && error.discarded().is_some() => f64::INFINITY,
                 Err(failed) => return Err(failed),
             };
             let factor = 0.9 * libm::pow(error, -1.0 / (self.order + 1.0));
@@ -312,7 +397,7 @@ impl Controlled {
                 self.wanted = if is_shortened && factor >= 1.0 { self.wanted.max(next) } else { next };
             } else {
                 self.counts.rejected += 1;
-                self.restore(stage)?;
+                self.start.restore(stage)?;
                 self.wanted = next;
             }
             self.wanted = self.wanted.clamp(self.limits[0], self.limits[1]);
@@ -328,7 +413,7 @@ impl Controlled {
             return Ok(Err(error));
         }
         self.signals.iter_mut().for_each(|signal| signal.value = stage.signals.bus.numbers[signal.slot]);
-        self.restore(stage)?;
+        self.start.restore(stage)?;
         let middle = at.time + 0.5 * at.size;
         for (time, end) in [(at.time, middle), (middle, at.end)] {
             let half = Interval { time, size: end - time, end, ..at };
@@ -341,26 +426,11 @@ impl Controlled {
         let numbers = &stage.signals.bus.numbers;
         let scale = (libm::exp2(self.order) - 1.0) * self.tolerance;
         let error = |signal: &Signal| {
-            let (before, value) = (self.bus.numbers[signal.slot], numbers[signal.slot]);
+            let (before, value) = (self.start.bus.numbers[signal.slot], numbers[signal.slot]);
             let range = signal.nominal.unwrap_or(1.0).max(before.abs()).max(value.abs());
             let error = (value - signal.value).abs() / (scale * range);
             if error.is_nan() { f64::INFINITY } else { error }
         };
         Ok(Ok(self.signals.iter().map(error).fold(0.0, f64::max)))
-    }
-
-    fn save(&mut self, stage: &mut Stage<'_>) -> Result<(), CallError> {
-        self.bus.take(stage.signals.bus);
-        self.slopes.clone_from(&stage.exchange.memory.slopes);
-        self.rows.clear();
-        self.rows.extend(stage.feeder.series.iter().map(|(_, row)| *row));
-        self.states.save(stage.signals.members)
-    }
-
-    fn restore(&mut self, stage: &mut Stage<'_>) -> Result<(), CallError> {
-        stage.signals.bus.take(&self.bus);
-        stage.exchange.memory.slopes.clone_from(&self.slopes);
-        stage.feeder.series.iter_mut().zip(&self.rows).for_each(|((_, row), before)| *row = *before);
-        self.states.restore(stage.signals.members)
     }
 }

@@ -53,6 +53,7 @@ struct Lines {
 
 /// Rate of a component.
 struct Rate {
+    is_discrete: bool,
     every: u64,
     substeps: u64,
     /// Slots of the outputs that the bus interpolates, and the place of the first one in the memory.
@@ -83,6 +84,8 @@ pub(super) struct Exchange {
     pub(super) memory: Memory,
     /// True while a step is repeated.
     pub(super) is_repeated: bool,
+    /// The step of the run, which components that take samples make at once.
+    pub(super) whole: Interval,
 }
 
 impl Exchange {
@@ -95,7 +98,8 @@ impl Exchange {
             let ramps: Vec<usize> = component.outputs.iter().filter(|o| o.is_ramp).map(|wire| wire.slot).collect();
             let first = memory.ramps.len();
             memory.ramps.resize(first + ramps.len(), [0.0; 2]);
-            rates.push(Rate { every: component.every, substeps: component.substeps, ramps, first });
+            let is_discrete = component.is_discrete;
+            rates.push(Rate { is_discrete, every: component.every, substeps: component.substeps, ramps, first });
             let mut own = Lines::default();
             let reals = component.inputs.iter().filter(|wire| wire.base_type == BaseType::Real).enumerate();
             for (input, wire) in reals.filter(|(_, wire)| wire.is_ramp) {
@@ -126,7 +130,14 @@ impl Exchange {
             start: vec![0.0; run.slots],
             memory,
             is_repeated: false,
+            whole: Interval { step: 0, time: start, size: step, end: start + step },
         }
+    }
+}
+
+impl Exchange {
+    pub(super) fn is_discrete(&self, index: usize) -> bool {
+        self.rates[index].is_discrete
     }
 }
 
@@ -163,10 +174,12 @@ impl Stage<'_> {
     /// Sets the inputs of components, makes their steps, and reads their outputs.
     pub(super) fn together(&mut self, members: &[usize], at: Interval) -> Result<Ended, CallError> {
         for index in members {
+            let Some(at) = self.interval(*index, at) else { continue };
             self.set_inputs(*index, at, at.time)?;
         }
         let mut ended = None;
         for index in members {
+            let Some(at) = self.interval(*index, at) else { continue };
             match self.make_steps(*index, at)? {
                 None => (),
                 at_start @ Some((Reached::Start, _)) => return Ok(at_start),
@@ -174,6 +187,7 @@ impl Stage<'_> {
             }
         }
         for index in members {
+            let Some(at) = self.interval(*index, at) else { continue };
             self.read_outputs(*index, at)?;
         }
         Ok(ended)
@@ -181,6 +195,12 @@ impl Stage<'_> {
 
     fn is_due(&self, index: usize, at: Interval) -> bool {
         at.step.is_multiple_of(self.exchange.rates[index].every)
+    }
+
+    /// The step of a component for this interval; `None` if it takes samples and has made the step of the run.
+    fn interval(&self, index: usize, at: Interval) -> Option<Interval> {
+        let Exchange { rates, whole, .. } = &*self.exchange;
+        if rates[index].is_discrete { Some(*whole).filter(|whole| whole.time == at.time) } else { Some(at) }
     }
 
     /// Sets the inputs of a component, with the values that lines have at `time`.

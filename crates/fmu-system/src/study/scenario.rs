@@ -30,7 +30,9 @@ fn choices(factors: &[Factor], stop: Option<f64>) -> Vec<(Options, Option<Range<
     let keep_parameters = factors.iter().any(|factor| factor.keep_parameters);
     let mut all = vec![(Options { stop, ..Options::default() }, None)];
     for factor in factors {
-        let Some(values) = factor.values.as_ref().filter(|_| factor.fmu.is_some() || factor.is_step()) else { continue };
+        let Some(values) = factor.values.as_ref().filter(|_| factor.fmu.is_some() || factor.is_step()) else {
+            continue;
+        };
         let with = |(options, _): &(Options, _)| -> Vec<(Options, Option<Range<usize>>)> {
             let each = values.iter().map(|level| {
                 let mut options = options.clone();
