@@ -247,6 +247,28 @@ fn inputs_are_held_or_linear() {
     }
 }
 
+/// Steps are repeated from saved states, also over the bounces of the ball. Reference: the exact solution.
+#[test]
+fn steps_can_be_repeated_and_chosen_by_their_error() {
+    let folder = TempDir::new().unwrap();
+    [LAG, SINE, BALL].iter().for_each(|ode| ode.pack(folder.path()));
+    for (key, accuracy) in [("error_control = { tolerance = 1e-6 }", 1e-3), ("iterate = { tolerance = 1e-9 }", 2e-2)] {
+        let text = format!(
+            "title = \"Lag\"\n[simulation]\nstop = 1.0\nstep = 0.05\n{key}\n\
+             [[component]]\nname = \"sine\"\nfmu = \"Sine\"\ninputs = {{ u = 0.0, d = 0.0 }}\n\
+             [[component]]\nname = \"lag\"\nfmu = \"Lag\"\ninputs = {{ d = 0.0 }}\n\
+             [[component]]\nname = \"ball\"\nfmu = \"Ball\"\ninputs = {{ u = 0.0, d = 0.0 }}\n\
+             [[connection]]\nfrom = \"sine:y\"\nto = \"lag:u\"\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n\
+             [record]\nsignals = [\"lag:x0\", \"ball:x0\"]\n"
+        );
+        let plan = resolved(&folder, &text).unwrap();
+        let recording = execute(&plan).unwrap();
+        let [lag, ball] = [0, 1].map(|index| recording.column(index).unwrap()[20]);
+        assert!((lag - 0.281520006946697).abs() < accuracy, "{key}: {lag}");
+        assert!((ball - 0.225059760719034).abs() < 1e-8, "{key}: {ball}");
+    }
+}
+
 /// A step grows by 1 at 0.1 s, 0.2 s, …: the FMU rejects a time after the next event. The integral is exact.
 const STAIR: Ode<'_> = Ode {
     name: "Stair",
