@@ -36,7 +36,7 @@ pub use clocks::{AskedInterval, MOST_ITERATIONS};
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use floats::take_restored;
 pub use instance::Instance;
-pub use integration::Solver;
+pub use integration::{Method, Solver};
 pub use library::{Library, exported_descriptions, not_exported};
 pub use model_exchange::{CompletedStep, EventUpdate};
 pub use scheduled::Activation;

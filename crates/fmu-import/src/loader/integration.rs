@@ -26,34 +26,35 @@ const EVENT_ROUNDINGS: f64 = 4.0;
 const STATE_CHANGE: f64 = 6e-6;
 const TIME_CHANGE: f64 = 1e-5;
 
-/// Method that integrates the states of an FMU for model exchange.
+/// How the states of an FMU for model exchange are integrated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "solver", rename_all = "snake_case")]
-pub enum Solver {
+pub struct Solver {
+    /// The method.
+    pub method: Method,
+    /// Limit of a step: its relative error, see [`ode::error_norm`], or for the Runge-Kutta method its length in s.
+    pub limit: f64,
+}
+
+/// Method that integrates states.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
     /// Dormand-Prince method of order 5.
-    DormandPrince {
-        /// Relative error of a step, see [`ode::error_norm`].
-        tolerance: f64,
-    },
+    DormandPrince,
     /// Rosenbrock method of order 4 (RODAS), for stiff equations.
-    Rosenbrock {
-        /// Relative error of a step.
-        tolerance: f64,
-    },
+    Rosenbrock,
     /// Runge-Kutta method of order 4 with steps of equal length.
-    RungeKutta {
-        /// Longest step, s.
-        max_step: f64,
-    },
+    RungeKutta,
 }
 
 impl std::fmt::Display for Solver {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::DormandPrince { tolerance } => write!(f, "dormand_prince, tolerance {tolerance:e}"),
-            Self::Rosenbrock { tolerance } => write!(f, "rosenbrock, tolerance {tolerance:e}"),
-            Self::RungeKutta { max_step } => write!(f, "runge_kutta, max_step {max_step} s"),
-        }
+        let (method, limit) = match self.method {
+            Method::DormandPrince => ("dormand_prince", "tolerance"),
+            Method::Rosenbrock => ("rosenbrock", "tolerance"),
+            Method::RungeKutta => ("runge_kutta", "max_step"),
+        };
+        write!(f, "{method}, {limit} {:e}", self.limit)
     }
 }
 
@@ -126,10 +127,10 @@ impl Point {
 impl Integration {
     fn new(solver: Solver, exchange: &Exchange, n: usize, indicators: usize) -> Self {
         let zeros = |count: usize| vec![0.0; count];
-        let (stages, linear) = match solver {
-            Solver::DormandPrince { .. } => (ode::DORMAND_PRINCE_WORK, 0),
-            Solver::Rosenbrock { .. } => (ode::RODAS_WORK, n),
-            Solver::RungeKutta { .. } => (ode::RUNGE_KUTTA_WORK, 0),
+        let (stages, linear) = match solver.method {
+            Method::DormandPrince => (ode::DORMAND_PRINCE_WORK, 0),
+            Method::Rosenbrock => (ode::RODAS_WORK, n),
+            Method::RungeKutta => (ode::RUNGE_KUTTA_WORK, 0),
         };
         Self {
             solver,
@@ -164,17 +165,17 @@ impl Integration {
             );
             return Err(fmu.failure(Function::GetDerivatives, CallProblem::Events(reason)));
         }
-        if matches!(self.solver, Solver::Rosenbrock { .. }) && !self.linearize(fmu, h)? {
+        if self.solver.method == Method::Rosenbrock && !self.linearize(fmu, h)? {
             return Ok(false);
         }
         let Self { point, end, error, work, slope, matrix, pivots, .. } = self;
         let (time, x) = (point.time, &point.x[..]);
         let f = |time, x: &[f64], to: &mut [f64]| point.derivatives(fmu, time, x, to);
         let solve = |b: &mut [f64]| dense::solve(matrix, pivots, x.len(), b);
-        match self.solver {
-            Solver::DormandPrince { .. } => ode::dormand_prince(f, time, x, h, end, error, work),
-            Solver::Rosenbrock { .. } => ode::rodas(f, solve, time, x, slope, h, end, error, work),
-            Solver::RungeKutta { .. } => ode::runge_kutta(f, time, x, h, end, work),
+        match self.solver.method {
+            Method::DormandPrince => ode::dormand_prince(f, time, x, h, end, error, work),
+            Method::Rosenbrock => ode::rodas(f, solve, time, x, slope, h, end, error, work),
+            Method::RungeKutta => ode::runge_kutta(f, time, x, h, end, work),
         }
         .map(|()| true)
     }
@@ -216,13 +217,11 @@ impl Integration {
     /// Makes a step of at most `limit` seconds to `self.end`. Returns its length.
     fn advance(&mut self, fmu: &mut Instance, limit: f64) -> Result<f64, CallError> {
         self.is_linearized = false;
-        let tolerance = match self.solver {
-            Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => tolerance,
-            Solver::RungeKutta { max_step } => {
-                let h = limit / (limit / max_step - 1e-6).ceil().max(1.0);
-                return self.attempt(fmu, h).map(|_| h);
-            }
-        };
+        let Solver { method, limit: tolerance } = self.solver;
+        if method == Method::RungeKutta {
+            let h = limit / (limit / self.solver.limit - 1e-6).ceil().max(1.0);
+            return self.attempt(fmu, h).map(|_| h);
+        }
         let (time, mut proposed) = (self.point.time, self.point.proposed);
         let attempt = |h| match self.attempt(fmu, h) {
             Ok(is_made) => {
@@ -268,7 +267,7 @@ impl Integration {
         self.last.copy_from_slice(&self.end);
         while high - low > precision.max(EVENT_ROUNDINGS * (time.abs().next_up() - time.abs())) {
             let middle = 0.5 * (low + high);
-            if matches!(self.solver, Solver::DormandPrince { .. }) {
+            if self.solver.method == Method::DormandPrince {
                 let Self { point, end, work, found, .. } = self;
                 ode::dormand_prince_within(middle / h, &point.x, h, end, work, found);
             } else {

@@ -2,11 +2,11 @@
 
 use super::fmus::{Descriptions, Found};
 use super::system::{CaseComponent, Replaced, Resolver, System, context, replacement};
-use crate::scenario::{Component, ComponentInterface, ComponentKind, SolverKind};
+use crate::scenario::{Component, ComponentInterface, ComponentKind};
 use crate::spanned::Spanned;
 use crate::steady;
 use fmu_import::description::{Causality, Interface, StructuralParameters, Variable};
-use fmu_import::loader::Solver;
+use fmu_import::loader::{Method, Solver};
 use fmu_import::names::{any_of, suggestion};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -124,39 +124,39 @@ impl<'a> Resolver<'a> {
             }
             used = if has_it { wanted } else { used };
         }
-        let [solver_at, tolerance_at, step_at, kind_at] = [
-            solver.as_ref().map(Spanned::span),
-            tolerance.as_ref().map(Spanned::span),
-            max_step.as_ref().map(Spanned::span),
-            kind.as_ref().filter(|kind| ***kind == ComponentKind::Discrete).map(Spanned::span),
-        ];
+        let solver_at = solver.as_ref().map(Spanned::span);
+        let [tolerance, step] = [("tolerance", tolerance), ("max_step", max_step)];
         if used != Interface::ModelExchange {
-            let Some(place) = solver_at.or(tolerance_at).or(step_at).filter(|_| !is_other) else { return Some(None) };
+            let place = [tolerance.1, step.1].into_iter().flatten().map(Spanned::span).chain(solver_at).next();
+            let Some(place) = place.filter(|_| !is_other) else { return Some(None) };
             let message = format!("only components in model exchange have a solver; {} is used for {used}", found.path);
             return fail(place, message, "set `interface = \"model-exchange\"` if the FMU has it");
         }
-        if let Some(place) = kind_at {
-            return fail(place, "a component in model exchange must be continuous".to_owned(), "leave out `kind`");
+        if let Some(kind) = kind.as_ref().filter(|kind| ***kind == ComponentKind::Discrete) {
+            return fail(
+                kind.span(),
+                "a component in model exchange must be continuous".to_owned(),
+                "leave out `kind`",
+            );
         }
         if let Some(clock) = description.clocks.first() {
             let reason = "has clocks, which masters do not activate in model exchange, such as";
             return fail(component.fmu.span(), format!("{} {reason} `{}`", found.path, clock.name), "");
         }
-        for (key, least, most) in [(tolerance, 1e-14, 0.1), (max_step, 1e-6, 1e6)] {
-            if let Some(key) = key.as_ref().filter(|key| !(least..=most).contains(key.get_ref())) {
-                return fail(key.span(), format!("the value must be from {least:e} to {most}, got {}", **key), "");
-            }
+        let method = solver.as_ref().map_or(Method::DormandPrince, |solver| **solver);
+        let has_fixed_step = method == Method::RungeKutta;
+        let ((name, key), other, range) =
+            if has_fixed_step { (step, tolerance, 1e-6..=1e6) } else { (tolerance, step, 1e-14..=0.1) };
+        if let Some(key) = other.1 {
+            return fail(key.span(), format!("this solver has `{name}`, not `{}`", other.0), "");
         }
-        let tolerance = tolerance.as_ref().map_or(1e-6, |tolerance| **tolerance);
-        let problem = match (solver.as_ref().map_or(SolverKind::DormandPrince, |solver| **solver), max_step) {
-            (SolverKind::RungeKutta, _) if tolerance_at.is_some() => "the solver runge_kutta has no `tolerance`",
-            (SolverKind::RungeKutta, None) => "the solver runge_kutta needs `max_step`, the length of its steps in s",
-            (SolverKind::RungeKutta, Some(step)) => return Some(Some(Solver::RungeKutta { max_step: **step })),
-            (_, Some(_)) => "only the solver runge_kutta has `max_step`",
-            (SolverKind::DormandPrince, None) => return Some(Some(Solver::DormandPrince { tolerance })),
-            (SolverKind::Rosenbrock, None) => return Some(Some(Solver::Rosenbrock { tolerance })),
-        };
-        fail(tolerance_at.or(step_at).or(solver_at).unwrap_or_default(), problem.to_owned(), "")
+        let limit = key.as_ref().map_or(if has_fixed_step { f64::NAN } else { 1e-6 }, |key| **key);
+        if !range.contains(&limit) {
+            let place = key.as_ref().map(Spanned::span).or(solver_at).unwrap_or_default();
+            let got = if key.is_some() { format!(", got {limit}") } else { ", in s".to_owned() };
+            return fail(place, format!("`{name}` must be from {:e} to {}{got}", range.start(), range.end()), "");
+        }
+        Some(Some(Solver { method, limit }))
     }
 
     /// Finds the FMU with this name, written at `span`; adds it to `missing` if it does not exist.

@@ -5,6 +5,7 @@ use crate::report::{Expect, FigureKind, Level};
 use crate::run::{ErrorControl, Extrapolation, Iteration, Order, StepArgument};
 use crate::spanned::Spanned;
 use fmu_import::bytes::BinaryText;
+use fmu_import::loader::Method;
 use fmu_import::temporary::Folder;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -178,7 +179,7 @@ pub(crate) struct Component {
     /// Interface of the FMU; by default, the first that it has.
     pub(crate) interface: Option<Spanned<ComponentInterface>>,
     /// Solver of a component in model exchange; dormand_prince if absent.
-    pub(crate) solver: Option<Spanned<SolverKind>>,
+    pub(crate) solver: Option<Spanned<Method>>,
     /// Relative error of a step of the solver; 1e-6 if absent.
     pub(crate) tolerance: Option<Spanned<f64>>,
     /// Longest step of the solver runge_kutta, s.
@@ -200,18 +201,6 @@ pub(crate) enum ComponentInterface {
     CoSimulation,
     /// The master integrates the states of the FMU.
     ModelExchange,
-}
-
-/// Solver of a component in model exchange.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum SolverKind {
-    /// Dormand-Prince method of order 5.
-    DormandPrince,
-    /// Rosenbrock method of order 4, for stiff equations.
-    Rosenbrock,
-    /// Runge-Kutta method of order 4 with steps of equal length.
-    RungeKutta,
 }
 
 /// Kind of a component.
