@@ -1,10 +1,12 @@
 """The picture of a system: boxes in order of execution, numbers of connections, their times and loops."""
 
+from pathlib import Path
+
 from lxml import html
 from msgspec.structs import replace
 
 from chassis_fmu.evaluation.results_table import Numbers
-from chassis_fmu.files.plan import Connected, Linear, Loop, Origin, Plan, Signal, Timing, TypeChange, Wiring
+from chassis_fmu.files.plan import Component, Connected, Linear, Loop, Origin, Plan, Signal, Timing, TypeChange, Wiring
 from chassis_fmu.report import page, system
 
 CONTEXT = page.Context("native", "chassis run trial.toml")
@@ -22,6 +24,10 @@ def connected(
     return Connected(signal, origin, type_change, conversion, timing)
 
 
+def components(*names: str) -> list[Component]:
+    return [Component(name, Path(), "2.0", "", "", (), (), (), ()) for name in names]
+
+
 def wiring(case: str = "active") -> Wiring:
     inputs = (
         connected("source:x", "plant:x", "on_time"),
@@ -36,7 +42,7 @@ def wiring(case: str = "active") -> Wiring:
 
 
 def test_connections_are_bundled_by_pair_and_time() -> None:
-    found = system._system(["source", "plant"], wiring())
+    found = system._system(components("source", "plant"), wiring())
     assert found.boxes == ("input file", "source", "plant")
     assert [(b.source, b.reader, b.timing, b.signals, b.in_loop) for b in found.bundles] == [
         ("input file", "plant", "file", (("road", ""),), False),
@@ -48,7 +54,7 @@ def test_connections_are_bundled_by_pair_and_time() -> None:
 
 def test_numbers_are_in_the_row_of_the_source_and_the_column_of_the_reader() -> None:
     links = (connected("c1:y", "c7:u", "on_time"), connected("c9:y", "c7:v", "held"), connected("c9:y", "c3:u", "late"))
-    found = system._system([f"c{i}" for i in range(12)], Wiring("", links, (), ()))
+    found = system._system(components(*(f"c{i}" for i in range(12))), Wiring("", links, (), ()))
     centers = {box: found.place(box) for box in found.boxes}
     for bundle, x, y, side in found.numbers():
         assert abs(x - centers[bundle.reader][0]) <= 10.0
@@ -56,6 +62,12 @@ def test_numbers_are_in_the_row_of_the_source_and_the_column_of_the_reader() -> 
         assert side == (1 if bundle.timing == "on_time" else -1)
         # Neither the number nor the line in its column is on another box.
         assert all(abs(x - across) > found.half for box, (across, _) in centers.items() if box != bundle.reader)
+
+
+def test_rates_are_listed() -> None:
+    own = components("source", "plant", "sensor")
+    rates = (replace(own[0], every=10), replace(own[1], substeps=4), own[2])
+    assert system._system(rates, wiring()).rates == (("source", "one step in 10"), ("plant", "4 steps in one"))
 
 
 def test_the_picture_is_on_the_page(scenario: Plan) -> None:

@@ -10,16 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..files.plan import Connected, Loop, Plan, Wiring
+from ..files.plan import Component, Connected, Loop, Plan, Wiring
 from . import tables
 
 # Name and meaning of each time of the values that connections carry, and the distance of its lines from the center
 # (pixels), because lines with different times may be side by side.
 TIMES = {
     "on_time": ("on time", "the reader gets the value of the time for which it uses it", 0),
-    "held": ("held", "the value from the start of a step holds over the step", 5),
-    "late": ("late", "a sample arrives one step late", -10),
-    "early": ("early", "a sample is taken at the end of a step instead of its start", 10),
+    "held": ("held", "the value from the start of a step holds over the step", 4),
+    "late": ("late", "a sample arrives one step late", -7),
+    "early": ("early", "a sample is taken at the end of a step instead of its start", 7),
     "file": ("from the input file", "the value comes from a recording", 0),
 }
 CONVERSIONS = {"boolean_to_real": "Boolean to Real: 0 or 1", "real_to_boolean": "Real to Boolean: above 0.5"}
@@ -46,6 +46,8 @@ class System:
     boxes: tuple[str, ...]
     bundles: tuple[Bundle, ...]
     loops: tuple[Loop, ...]
+    rates: tuple[tuple[str, str], ...]
+    """Components that do not make one step in each communication step, and how many they make."""
 
     @property
     def half(self) -> float:
@@ -80,8 +82,13 @@ def _signal(connected: Connected) -> tuple[str, str]:
     return (name if output == name else f"{output} → {name}"), text
 
 
-def _system(order: Sequence[str], wiring: Wiring) -> System:
-    """Return the system of a case whose components have an order of execution."""
+def _rate(component: Component) -> str:
+    slow = f"one step in {component.every}" if component.every > 1 else ""
+    return f"{component.substeps} steps in one" if component.substeps > 1 else slow
+
+
+def _system(components: Sequence[Component], wiring: Wiring) -> System:
+    """Return the system of a case with its components in the order of execution."""
     paths = [f" -> {loop.path} -> " for loop in wiring.loops]
     found: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     in_loop = set()
@@ -93,14 +100,17 @@ def _system(order: Sequence[str], wiring: Wiring) -> System:
             link = f" -> {output.component}:{output.variable} -> " if output else ""
             if link and any(f"{link}{reader.component}:{reader.variable} -> " in path for path in paths):
                 in_loop.add(key)
-    boxes = (INPUT_FILE, *order) if any(source == INPUT_FILE for source, *_ in found) else tuple(order)
+    boxes = tuple(component.name for component in components)
+    if any(source == INPUT_FILE for source, *_ in found):
+        boxes = (INPUT_FILE, *boxes)
     keys = sorted(found, key=lambda key: (boxes.index(key[0]), boxes.index(key[1])))
-    return System(boxes, tuple(Bundle(*key, tuple(found[key]), key in in_loop) for key in keys), wiring.loops)
+    bundles = tuple(Bundle(*key, tuple(found[key]), key in in_loop) for key in keys)
+    return System(boxes, bundles, wiring.loops, tuple((c.name, _rate(c)) for c in components if _rate(c)))
 
 
 def systems(plan: Plan) -> list[tuple[System, list[str]]]:
     """Return the different systems, each with the titles of its cases; that with the most connections comes first."""
-    orders = {run.case: [component.name for component in run.components] for run in reversed(plan.runs)}
+    orders = {run.case: run.components for run in reversed(plan.runs)}
     found: dict[System, list[str]] = {}
     for wiring in plan.wiring:
         if wiring.case in orders and wiring.inputs:
