@@ -14,8 +14,7 @@ use crate::parameter::role;
 use crate::problem::{Collector, Problems};
 use crate::run::Linear;
 use fmu_import::archive::{Archive, path_within};
-use fmu_import::description::{BaseType, Causality, DataType, ModelDescription, Value, Variable, word};
-use fmu_import::names::suggestion;
+use fmu_import::description::{Causality, DataType, ModelDescription, Value, word};
 use fmu_import::parameter_set::ParameterSet;
 use fmu_import::temporary::Folder;
 use fmu_import::terminal::escaped;
@@ -193,16 +192,18 @@ struct Reader<'a, 'e> {
     is_refused: bool,
 }
 
-/// An end of a connection, and true if values come from there.
-type End<'e> = ((usize, &'e str), bool);
+/// An end of a connection.
+#[derive(Clone, Copy)]
+struct End<'e> {
+    at: (usize, &'e str),
+    causality: Causality,
+    /// Values come from there.
+    writes: bool,
+}
 
 /// Returns true for what gets its value from outside.
 fn is_inward(causality: Causality) -> bool {
     matches!(causality, Causality::Input | Causality::Parameter | Causality::StructuralParameter)
-}
-
-fn near<'n>(name: &str, names: impl IntoIterator<Item = &'n str>) -> String {
-    suggestion(name, names).map_or(String::new(), |hint| format!("; {hint}"))
 }
 
 impl<'e> Reader<'_, 'e> {
@@ -363,8 +364,7 @@ impl<'e> Reader<'_, 'e> {
         }
         let Some(Fmu { stem, description }) = &self.owners[at].fmu else { return Ok((name, causality)) };
         let Some(variable) = description.variable(name) else {
-            let hint = near(name, description.variables.iter().map(|variable| variable.name.as_str()));
-            return error(format!("is not a variable of {stem}.fmu{hint}"));
+            return error(format!("is not a variable of {stem}.fmu"));
         };
         let base_type = |name: &str| word(name).or_else(|| word::<DataType>(name)?.base_type());
         match connector.children.iter().find_map(|child| base_type(&child.name)) {
@@ -394,36 +394,33 @@ impl<'e> Reader<'_, 'e> {
             return error("connections of arrays are not supported".into());
         }
         let convert = element.boolean("suppressUnitConversion")? != Some(true);
-        let (Some((start, from_start)), Some((end, from_end))) = (start?, end?) else { return Ok(()) };
+        let (Some(start), Some(end)) = (start?, end?) else { return Ok(()) };
         // The words start and end do not imply a direction.
-        let (from, to) = if from_start { (start, end) } else { (end, start) };
-        if from_start == from_end {
-            return error(format!("`{}` and `{}` both {}", from.1, to.1, if from_start { "write" } else { "read" }));
+        let (from, to) = if start.writes { (start, end) } else { (end, start) };
+        let [source, target] = [from, to].map(|end| end.at.1);
+        let is_parameter = |end: End<'_>| end.causality != Causality::Input && is_inward(end.causality);
+        if start.writes == end.writes {
+            return error(format!("`{source}` and `{target}` both {}", if start.writes { "write" } else { "read" }));
         }
-        for (at, name) in [from, to] {
-            let variable = self.owners[at].fmu.as_ref().and_then(|fmu| fmu.description.variable(name));
-            let is_connected = |variable: &Variable| {
-                variable.base_type != BaseType::String && variable.causality != Causality::CalculatedParameter
-            };
-            if !variable.is_none_or(is_connected) {
-                return error(format!("`{name}` is a String or a calculated parameter, which cannot be connected"));
-            }
+        if from.causality == Causality::CalculatedParameter || (is_parameter(to) && !is_parameter(from)) {
+            return error(format!(
+                "`{source}` cannot write `{target}`: only a parameter of a system writes a parameter"
+            ));
         }
+        let (from, to) = (from.at, to.at);
         match self.owners[to.0].incoming.insert(to.1, Edge { from, linear, convert, element }) {
             None => Ok(()),
             Some(_) => error(format!("a second connection writes `{}`; remove one of them", to.1)),
         }
     }
 
-    /// An end of a connection, and true if values come from there. `None` if its FMU was rejected.
+    /// An end of a connection; `None` if its FMU was rejected.
     fn end(&self, system: usize, element: &'e Element, side: &str) -> Result<Option<End<'e>>, XmlError> {
         let name = element.required(&format!("{side}Connector"))?;
         let of = element.attribute(&format!("{side}Element")).filter(|of| !of.is_empty());
-        let error = |what: &str, hint: String| Err(element.place.error(format!("there is no {what}{hint}")));
+        let error = |what: String| Err(element.place.error(format!("there is no {what}")));
         let Some(at) = of.map_or(Some(system), |of| self.child(system, of)) else {
-            let of = of.unwrap_or_default();
-            let names = self.owners[system].children.iter().map(|child| self.owners[*child].name);
-            return error(&format!("element `{of}`"), near(of, names));
+            return error(format!("element `{}`", of.unwrap_or_default()));
         };
         let owner = &self.owners[at];
         let found = match &owner.fmu {
@@ -433,8 +430,10 @@ impl<'e> Reader<'_, 'e> {
         };
         match found {
             // What comes into a system is written from the inside of it.
-            Some(causality) => Ok(Some(((at, name), is_inward(causality) == of.is_none()))),
-            None => error(&format!("connector `{name}`"), near(name, owner.connectors.keys().copied())),
+            Some(causality) => {
+                Ok(Some(End { at: (at, name), causality, writes: is_inward(causality) == of.is_none() }))
+            }
+            None => error(format!("connector `{name}`")),
         }
     }
 

@@ -129,16 +129,20 @@ pub fn settable_of<D: Deref<Target = ModelDescription>>(
 /// # Errors
 /// There is no such variable; the message suggests another name.
 pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, String> {
-    let starts = |v: &&Variable| {
-        v.variability != Variability::Constant && matches!(v.initial, Some(Initial::Exact | Initial::Approx))
-    };
-    match named(description, name) {
-        Some(variable) if variable.causality == Causality::Input || starts(&variable) => Ok(variable),
-        _ => parameter(description, name).map_err(|error| match error.help {
+    let input = named(description, name).filter(|variable| variable.causality == Causality::Input);
+    match input.or_else(|| with_start(description, name)) {
+        Some(variable) => Ok(variable),
+        None => parameter(description, name).map_err(|error| match error.help {
             Some(help) => format!("{}; {help}", error.message),
             None => error.message,
         }),
     }
+}
+
+/// Finds the variable with this name whose start value can be set.
+pub(crate) fn with_start<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Variable> {
+    let is_set = |initial| matches!(initial, Some(Initial::Exact | Initial::Approx));
+    named(description, name).filter(|v| v.variability != Variability::Constant && is_set(v.initial))
 }
 
 /// Finds the variable that a name sets. Aliases are followed, except aliases of outputs.

@@ -181,6 +181,25 @@ fn values_of_parameter_sets_have_an_order() {
     assert!(plan.warnings.iter().any(|text| text.contains("`B.none` is not a variable")), "{:?}", plan.warnings);
 }
 
+/// SSP 1.0, section 5.2.2: a set may also contain start values of variables (FMI 2.0.4, section 2.2.7: `initial`).
+#[test]
+fn start_values_are_set_before_the_initialization() {
+    let files = Files::new();
+    let output = "causality=\"output\"><Real unit=\"m\"/>";
+    let exact = "causality=\"output\" initial=\"exact\"><Real unit=\"m\" start=\"1\"/>";
+    Build { edits: &[(output, exact)], ..Build::new("A", "u", "x") }.pack(files.0.path());
+    let set = set(&real("x", "5"));
+    let system = format!(
+        "<ParameterBindings><ParameterBinding prefix='A.'><ParameterValues>{set}</ParameterValues></ParameterBinding>\
+         </ParameterBindings><Elements>{A}</Elements>"
+    );
+    let plan = files.plan(&system, &[], &Options::default()).unwrap();
+    assert_eq!(parameters(&plan, "a"), [("x".to_owned(), Value::Real(5.0))].into());
+    let system = system.replace(A, B).replace("'A.'", "'B.'").replace("name='x'", "name='y'");
+    let mistake = files.mistakes(&system).remove(0);
+    assert!(mistake.contains("`y` of B is not a parameter but an output"), "{mistake}");
+}
+
 /// Units of the set come before those of the FMU; FMI 2.0.4, section 2.2.2: SI value = factor value + offset.
 #[test]
 fn values_are_converted_to_the_unit_of_the_variable() {
@@ -254,9 +273,9 @@ fn all_that_a_scenario_cannot_express_is_reported_together() {
         "24:1: a second connection writes `u`",
         "25:1: `u` and `u` both read",
         "26:1: there is no element `C`",
-        "27:1: `label` is a String or a calculated parameter",
+        "27:1: `x` cannot write `label`: only a parameter of a system writes a parameter",
+        "28:1: `x` cannot write `start`",
         "29:85: IntegerMappingTransformation is not supported",
-        "28:1: `start` is a parameter, which an output cannot write",
     ];
     let found = Files::new().mistakes(system);
     for (found, expected) in found.iter().zip(expected) {

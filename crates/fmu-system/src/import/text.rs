@@ -7,7 +7,7 @@ use fmu_import::bytes::BinaryText;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::limits::TEXT_FILE;
 use fmu_import::xml::{Element, Place, XmlError};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 
@@ -64,27 +64,25 @@ impl Text {
 
 /// The text, and the places of the elements from which its parts stem. Mistakes are reported.
 pub(super) fn write(reader: &mut Reader<'_, '_>, root: &Element) -> (String, Vec<(usize, Range<usize>)>) {
-    let (mut text, mut connections, mut outputs) = (Text::default(), Text::default(), BTreeSet::new());
+    let mut text = Text::default();
     let times = simulation(reader, root);
     text.add(reader.span(root.place), &reader.take(times).unwrap_or_default());
     for at in 0..reader.owners.len() {
-        component(reader, at, &mut text, &mut connections);
-        // The outputs of the root system are recorded, or, if it has none, those that components have as connectors.
-        let owner = &reader.owners[at];
-        for (name, _) in owner.connectors.iter().filter(|(_, causality)| **causality == Causality::Output) {
-            let from = if at == 0 { reader.source(0, name).map(|edge| edge.from) } else { Some((at, *name)) };
-            let of = from.filter(|_| at == 0 || !reader.owners[0].connectors.values().any(|c| *c == Causality::Output));
-            let of =
-                of.and_then(|(at, name)| reader.owners[at].fmu.is_some().then(|| signal(&reader.owners[at], name)));
-            outputs.extend(of);
-        }
+        component(reader, at, &mut text);
     }
-    let from = text.text.len();
-    text.origins.extend(connections.origins.into_iter().map(|(at, span)| (from + at, span)));
-    text.text += &connections.text;
-    let outputs =
-        if outputs.is_empty() { "\"*\"".to_owned() } else { outputs.into_iter().collect::<Vec<_>>().join(",\n    ") };
-    text.add(reader.span(root.place), &format!("[record]\nsignals = [\n    {outputs}\n]"));
+    // The outputs of the root system are recorded, or, if it has none, those that components have as connectors.
+    let outputs = |at: usize| {
+        let connectors = reader.owners[at].connectors.iter().filter(|(_, causality)| **causality == Causality::Output);
+        connectors.map(move |(name, _)| (at, *name))
+    };
+    let of_root = outputs(0).filter_map(|(at, name)| reader.source(at, name)).map(|edge| edge.from);
+    let mut recorded: Vec<_> = of_root.filter(|(at, _)| reader.owners[*at].fmu.is_some()).collect();
+    if recorded.is_empty() {
+        recorded.extend((1..reader.owners.len()).filter(|at| reader.owners[*at].fmu.is_some()).flat_map(outputs));
+    }
+    let signals: BTreeSet<String> = recorded.into_iter().map(|(at, name)| signal(&reader.owners[at], name)).collect();
+    let signals: Vec<String> = if signals.is_empty() { vec![quoted("*")] } else { signals.into_iter().collect() };
+    text.add(reader.span(root.place), &format!("[record]\nsignals = [\n    {}\n]", signals.join(",\n    ")));
     if text.text.len() as u64 > TEXT_FILE {
         let message = format!("as a scenario, the system has {} bytes, the limit is {TEXT_FILE}", text.text.len());
         reader.refuse(root.place.error(message));
@@ -146,7 +144,7 @@ fn thousandth(time: f64) -> f64 {
 }
 
 /// Adds a component, and the connections that its inputs read.
-fn component(reader: &mut Reader<'_, '_>, at: usize, text: &mut Text, connections: &mut Text) {
+fn component(reader: &mut Reader<'_, '_>, at: usize, text: &mut Text) {
     let Owner { element, id, fmu: Some(Fmu { stem, description }), incoming, .. } = &reader.owners[at] else { return };
     let (element, id, description) = (*element, id.clone(), description.clone());
     let is_exchange = element.attribute("implementation") == Some("ModelExchange");
@@ -154,62 +152,53 @@ fn component(reader: &mut Reader<'_, '_>, at: usize, text: &mut Text, connection
     text.add(reader.span(element.place), &format!("[[component]]\nname = \"{id}\"\nfmu = {}{interface}", quoted(stem)));
     // An input of FMI 3.0 that is connected by another of its names.
     let aliases: BTreeSet<usize> = incoming.keys().filter_map(|name| description.variable(name)?.alias_of).collect();
-    let mut tables = ["structure", "parameters", "inputs"].map(|name| (name, Vec::new()));
+    let (mut tables, mut connections) = (BTreeMap::<&str, Vec<(String, Place)>>::new(), Vec::new());
     for (index, variable) in description.variables.iter().enumerate() {
         let name = &variable.name;
-        let is_input = variable.causality == Causality::Input;
-        let source = reader.source(at, name);
-        let writer = source.map(|source| &reader.owners[source.from.0]);
-        if let Some((source, writer)) = source.zip(writer).filter(|(_, writer)| writer.fmu.is_some()) {
-            if !is_input {
-                let message = format!("`{name}` is a parameter, which an output cannot write");
-                reader.refuse(source.element.place.error(message));
-                continue;
-            }
+        let source = reader.source(at, name).map(|source| (source, &reader.owners[source.from.0]));
+        if let Some((source, writer)) = source.filter(|(_, writer)| writer.fmu.is_some()) {
             let (from, to) = (signal(writer, source.from.1), signal(&reader.owners[at], name));
             let Linear { factor, offset } = source.linear;
             let is_same = source.linear == Linear::IDENTITY;
             let linear = if is_same { String::new() } else { format!("factor = {factor:?}\noffset = {offset:?}\n") };
             let convert = if source.convert { "" } else { "convert = false\n" };
-            let lines = format!("[[connection]]\nfrom = {from}\nto = {to}\n{linear}{convert}");
-            connections.add(reader.span(source.element.place), &lines);
+            let lines = format!("\n[[connection]]\nfrom = {from}\nto = {to}\n{linear}{convert}");
+            connections.push((lines, source.element.place));
             continue;
         }
+        let (table, is_kept) = match variable.causality {
+            // Inputs that nothing writes are constant.
+            Causality::Input => ("inputs", aliases.contains(&index) || variable.alias_of.is_some()),
+            Causality::StructuralParameter => ("structure", true),
+            _ => ("parameters", true),
+        };
         // The value of a connector of a system replaces that of the component.
-        let of_system = source
-            .zip(writer)
-            .and_then(|(source, writer)| Some((writer.values.get(source.from.1)?.clone(), source.linear)));
-        let bound = of_system.or_else(|| Some((reader.owners[at].values.get(name)?.clone(), Linear::IDENTITY)));
-        let (value, place) = match bound {
-            Some((bound, linear)) => {
+        let bound = source.and_then(|(source, writer)| Some((writer.values.get(source.from.1)?, source.linear)));
+        let bound = bound.or_else(|| Some((reader.owners[at].values.get(name)?, Linear::IDENTITY)));
+        let (value, place) = match (bound, &variable.start) {
+            (Some((bound, linear)), _) => {
                 let place = bound.element.place;
-                let value = value(&description, variable, &bound, linear).map_err(|message| place.error(message));
+                let value = value(&description, variable, bound, linear).map_err(|message| place.error(message));
                 (reader.take(value), place)
             }
-            None if !is_input || aliases.contains(&index) || variable.alias_of.is_some() || variable.is_array() => {
-                continue;
-            }
-            None => {
-                let value = start(variable);
-                if let (Some(source), Some(value)) = (source.filter(|source| source.from.0 == 0), &value) {
-                    let message =
-                        format!("the input `{}` of the system is constant: `{id}:{name}` is {value}", source.from.1);
+            (None, Some(start)) if !is_kept && !variable.is_array() && variable.base_type.is_number() => {
+                let value = plain(start);
+                if let Some((source, _)) = source.filter(|(source, _)| source.from.0 == 0) {
+                    let input = source.from.1;
+                    let message = format!("the input `{input}` of the system is constant: `{id}:{name}` is {value}");
                     reader.warn(source.element, message);
                 }
-                (value, element.place)
+                (Some(value), element.place)
             }
+            _ => continue,
         };
-        let table = match variable.causality {
-            Causality::StructuralParameter => 0,
-            Causality::Input => 2,
-            _ => 1,
-        };
-        tables[table].1.extend(value.map(|value| (format!("{} = {value}", quoted(name)), place)));
+        tables.entry(table).or_default().extend(value.map(|value| (format!("{} = {value}", quoted(name)), place)));
     }
-    for (table, lines) in tables.into_iter().filter(|(_, lines)| !lines.is_empty()) {
+    for (table, lines) in tables {
         text.add(reader.span(element.place), &format!("[component.{table}]"));
-        lines.into_iter().for_each(|(line, place): (String, Place)| text.add(reader.span(place), &line));
+        lines.into_iter().for_each(|(line, place)| text.add(reader.span(place), &line));
     }
+    connections.into_iter().for_each(|(lines, place)| text.add(reader.span(place), &lines));
     text.text.push('\n');
 }
 
@@ -246,17 +235,6 @@ fn value(
         Some(unit) => format!("{{ value = {number:?}, unit = {} }}", quoted(&unit)),
         None => format!("{number:?}"),
     })
-}
-
-/// The start value of an input; `None` for a String and a Binary, which keep it.
-fn start(variable: &Variable) -> Option<String> {
-    let zero = match variable.base_type {
-        BaseType::Real => Value::Real(0.0),
-        BaseType::Integer => Value::Integer(0),
-        BaseType::Boolean => Value::Boolean(false),
-        BaseType::String | BaseType::Binary => return None,
-    };
-    Some(plain(variable.start.as_ref().unwrap_or(&zero)))
 }
 
 fn plain(value: &Value) -> String {

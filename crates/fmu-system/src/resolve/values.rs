@@ -197,6 +197,7 @@ impl Resolver<'_> {
         let file = set.map_or(String::new(), |path| format!("{path}: "));
         let description = &member.found.description;
         let found = parameter::parameter(description, name);
+        let found = found.or_else(|error| parameter::with_start(description, name).ok_or(error));
         if names == Names::All {
             return found.map_err(|e| self.problems.add_with_help(span, format!("{file}{}", e.message), e.help)).ok();
         }
