@@ -70,6 +70,11 @@ pub enum FmusError {
 }
 
 impl FmusError {
+    /// True if a shorter step may succeed.
+    pub(crate) fn is_of_long_step(&self) -> bool {
+        matches!(self, Self::Unsettled { .. }) || self.discarded().is_some()
+    }
+
     /// The call, if an FMU has discarded a step.
     pub(crate) fn discarded(&self) -> Option<&CallError> {
         let Self::Fmu(FmuError::Call(call)) = self else { return None };

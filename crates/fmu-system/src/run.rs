@@ -233,18 +233,22 @@ impl Run {
                 leads[*from][*to] = reads(*from, *to);
             }
         }
-        for via in &members {
-            for from in &members {
-                for to in &members {
-                    leads[*from][*to] |= leads[*from][*via] && leads[*via][*to];
-                }
-            }
-        }
+        close(&mut leads);
         let group = |first: usize| -> Vec<usize> {
             members.iter().copied().filter(|other| leads[first][*other] && leads[*other][first]).collect()
         };
         let groups = members.iter().map(|first| (first, group(*first)));
         groups.filter(|(first, group)| group.first() == Some(first)).map(|(_, group)| group).collect()
+    }
+}
+
+/// Adds the paths of several edges to a graph.
+pub(crate) fn close(leads: &mut [Vec<bool>]) {
+    let all = 0..leads.len();
+    for (via, from) in all.clone().flat_map(|via| all.clone().map(move |from| (via, from))) {
+        if leads[from][via] {
+            all.clone().for_each(|to| leads[from][to] |= leads[via][to]);
+        }
     }
 }
 

@@ -423,7 +423,7 @@ pub struct Saved {
     rows: Vec<usize>,
     step: u64,
     overwritten: Vec<Option<f64>>,
-    memory: Option<(Memory, Option<f64>)>,
+    memory: Option<Memory>,
 }
 
 /// A run between two steps.
@@ -516,7 +516,7 @@ impl Session {
 
     /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     pub(crate) fn counts(&self) -> Option<StepCounts> {
-        self.coupling.as_ref()?.counts()
+        self.coupling.as_ref().map(|coupling| coupling.exchange.counts).filter(|counts| counts.accepted > 0)
     }
 
     /// The signals at the current time.
@@ -650,7 +650,7 @@ impl Session {
             rows: self.feeder.series.iter().map(|(_, row)| *row).collect(),
             step: self.step,
             overwritten: self.overwritten.iter().map(|input| input.value).collect(),
-            memory: self.coupling.as_ref().map(|coupling| coupling.memory()),
+            memory: self.coupling.as_ref().map(|coupling| coupling.exchange.memory.clone()),
         })
     }
 
@@ -675,7 +675,7 @@ impl Session {
             input.value = value;
         }
         if let (Some(coupling), Some(memory)) = (&mut self.coupling, &saved.memory) {
-            coupling.restore(memory);
+            coupling.exchange.memory.clone_from(memory);
         }
         self.step = saved.step;
         Ok(())
@@ -760,7 +760,8 @@ impl Session {
         let step = simulation.step_size(*done, time);
         if let Some(coupling) = coupling {
             let at = Interval { step: *done, time, size: step, end: simulation.time((*done + 1) as f64) };
-            return coupling.step(clocked, Signals { members, bus, overwritten }, feeder, at);
+            let ended = coupling.step(clocked, Signals { members, bus, overwritten }, feeder, at)?;
+            return Ok(ended.map(|error| (Reached::End, error)));
         }
         feeder.feed(time, 0.5 * simulation.step, &mut bus.numbers);
         let mut ended = None;

@@ -1,10 +1,10 @@
 //! Elements of arrays of FMI 3.0 as signals, and integers of 64 bits. The FMU is built from `data/arrays.c`, which
 //! transfers each array as a whole or returns an error.
 #![cfg(unix)]
-#![allow(unsafe_code, reason = "an allocator that counts can only be written with unsafe code")]
 
 #[path = "../../fmu-import/tests/support/arrays.rs"]
 mod arrays;
+mod counting;
 #[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
@@ -18,33 +18,9 @@ use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
 use fmu_system::results;
 use fmu_system::run::Run;
 use fmu_system::session::Session;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::path::Path;
 use support::Build;
 use tempfile::TempDir;
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: everything is passed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 const SCENARIO: &str = r#"
 title = "Arrays"
@@ -587,11 +563,11 @@ fn a_step_with_arrays_does_not_allocate() {
     .plan(&folder);
     let fmus = Fmus::load(&plan.runs).unwrap();
     let mut session = Session::new(&plan.simulation, &plan.runs[0], &fmus).unwrap();
-    let before = ALLOCATIONS.get();
+    let before = counting::allocations();
     for _ in 0..3 {
         session.step().unwrap();
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(counting::allocations() - before, 0);
     drop(std::hint::black_box(vec![1]));
-    assert_eq!(ALLOCATIONS.get() - before, 1);
+    assert_eq!(counting::allocations() - before, 1);
 }

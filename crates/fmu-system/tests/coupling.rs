@@ -4,6 +4,8 @@
 //! rates). Numbers without a further source are from it.
 #![cfg(unix)]
 
+mod counting;
+
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::plan::Plan;
@@ -568,5 +570,27 @@ fn discarded_steps_are_repeated_with_shorter_ones() {
         let plan = resolved(&folder, &scenario("stop = 1.0\nstep = 0.1", &limited, "\"x1\"")).unwrap();
         let failure = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap_err();
         assert_eq!((failure.kind, failure.component.as_deref()), (FailureKind::Discarded, Some("s2")));
+    }
+}
+
+/// After the first step, which saves the first states.
+#[test]
+fn a_coupled_step_does_not_allocate() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    for (keys, components) in [
+        ("extrapolation = \"linear\"", [("S1", "every = 4"), ("S2", "")]),
+        ("extrapolation = \"linear\"", [("S1", ""), ("S2", "substeps = 3")]),
+        ("iterate = {}", S1_FIRST),
+        ("iterate = {}\nerror_control = {}", S1_FIRST),
+    ] {
+        let text = scenario(&format!("stop = 1.0\nstep = 0.001\n{keys}"), &components, "\"x1\"");
+        let plan = resolved(&folder, &text).unwrap();
+        let mut session = Session::new(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
+        session.step().unwrap();
+        let before = counting::allocations();
+        for _ in 0..20 {
+            session.step().unwrap();
+        }
+        assert_eq!(counting::allocations(), before, "{keys}");
     }
 }

@@ -73,13 +73,7 @@ impl System<'_> {
             wishes[first][second] += 1;
         }
         let mut leads: Vec<Vec<bool>> = wishes.iter().map(|row| row.iter().map(|n| *n > 0).collect()).collect();
-        for via in 0..count {
-            for from in 0..count {
-                for to in 0..count {
-                    leads[from][to] |= leads[from][via] && leads[via][to];
-                }
-            }
-        }
+        run::close(&mut leads);
         let mut open = self.order.clone();
         open.sort_unstable();
         let (mut order, mut unsearched) = (Vec::new(), 0);

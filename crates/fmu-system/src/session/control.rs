@@ -5,24 +5,19 @@
 //! place in the order.
 
 use super::events::{Group as ClockedGroup, Signals};
-use super::rates::{Ended, Exchange, Interval, Memory, Stage};
-use super::{Bus, Component, Feeder, Reached, STEP_SLACK};
+use super::rates::{Ended, Exchange, Interval, Stage};
+use super::{Bus, Component, Feeder, STEP_SLACK};
 use crate::fmus::FmusError;
-use crate::run::{self, ErrorControl, Extrapolation, Iteration, Order, Run, Simulation, StepCounts};
+use crate::run::{self, ErrorControl, Extrapolation, Iteration, Order, Run, Simulation};
 use fmu_import::description::BaseType;
 use fmu_import::loader::{CallError, SavedState};
 
 /// The coupling of the components of a run.
 pub(super) struct Coupling {
-    exchange: Exchange,
+    pub(super) exchange: Exchange,
     parts: Vec<Part>,
-    retry: Option<Retry>,
-}
-
-/// Shorter steps instead of discarded ones.
-struct Retry {
-    start: Start,
-    counts: StepCounts,
+    /// For shorter steps instead of discarded ones.
+    retry: Option<Start>,
 }
 
 /// Components that make their steps together. Parts are in order of execution.
@@ -148,9 +143,10 @@ impl Coupling {
                 all.filter_map(part).collect()
             }
         };
-        let start = has_retry.then(|| Start::of((0..run.components.len()).collect()));
-        let retry = start.map(|start| Retry { start, counts: StepCounts::default() });
-        Some(Box::new(Self { exchange: Exchange::new(simulation, run, &groups), parts, retry }))
+        let retry = has_retry.then(|| Start::of((0..run.components.len()).collect()));
+        let mut exchange = Exchange::new(simulation, run, &groups);
+        exchange.memory.wanted = error_control.and_then(|own| own.initial_step).unwrap_or(simulation.step / 16.0);
+        Some(Box::new(Self { exchange, parts, retry }))
     }
 
     /// Makes a step of the run.
@@ -165,30 +161,7 @@ impl Coupling {
         stage.exchange.whole = at;
         match &mut self.retry {
             None => attempt(&mut self.parts, &mut stage, at),
-            Some(retry) => retry.step(&mut self.parts, &mut stage, at),
-        }
-    }
-
-    fn controlled(&self) -> Option<&Controlled> {
-        self.parts.iter().find_map(|part| if let Part::Controlled(own) = part { Some(&**own) } else { None })
-    }
-
-    /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
-    pub(super) fn counts(&self) -> Option<StepCounts> {
-        self.retry.as_ref().map(|retry| retry.counts).or_else(|| self.controlled().map(|own| own.counts))
-    }
-
-    /// The values that the next steps depend on, with the size of the next step under error control.
-    pub(super) fn memory(&self) -> (Memory, Option<f64>) {
-        (self.exchange.memory.clone(), self.controlled().map(|own| own.wanted))
-    }
-
-    pub(super) fn restore(&mut self, (memory, wanted): &(Memory, Option<f64>)) {
-        self.exchange.memory.clone_from(memory);
-        for part in &mut self.parts {
-            if let (Part::Controlled(own), Some(wanted)) = (part, wanted) {
-                own.wanted = *wanted;
-            }
+            Some(start) => start.retry(&mut self.parts, &mut stage, at),
         }
     }
 }
@@ -204,13 +177,13 @@ fn attempt(parts: &mut [Part], stage: &mut Stage<'_>, at: Interval) -> Result<En
     Ok(ended)
 }
 
-impl Retry {
+impl Start {
     /// Makes a step of the run. If a continuous component discards a part of it, all components repeat it up to the time
     /// that this one has reached, else up to the half of it. Then follows the rest of the step.
-    fn step(&mut self, parts: &mut [Part], stage: &mut Stage<'_>, whole: Interval) -> Result<Ended, FmusError> {
+    fn retry(&mut self, parts: &mut [Part], stage: &mut Stage<'_>, whole: Interval) -> Result<Ended, FmusError> {
         let mut at = whole;
         loop {
-            self.start.save(stage)?;
+            self.save(stage)?;
             let ended = loop {
                 let error = match attempt(parts, stage, at) {
                     Ok(ended) => break ended,
@@ -225,16 +198,15 @@ impl Retry {
                 if stage.exchange.is_discrete(index) || end - at.time < stage.exchange.simulation.step / 1024.0 {
                     return Err(error);
                 }
-                self.counts.rejected += 1;
-                self.start.restore(stage)?;
+                stage.exchange.counts.rejected += 1;
+                self.restore(stage)?;
                 at = Interval { size: end - at.time, end, ..at };
             };
-            self.counts.accept(at.size, false);
-            if at.end >= whole.end {
-                return Ok(ended);
-            }
-            if let Some((_, error)) = ended {
-                return Ok(Some((Reached::Start, error)));
+            stage.exchange.counts.accept(at.size, false);
+            match ended {
+                ended if at.end >= whole.end => return Ok(ended),
+                Some(error) => return Err(error.into()),
+                None => (),
             }
             at = Interval { time: at.end, size: whole.end - at.end, ..whole };
         }
@@ -247,16 +219,17 @@ fn pass(parts: &mut [Part], stage: &mut Stage<'_>, at: Interval) -> Result<Ended
     for part in parts {
         let found = match part {
             Part::Once(members) => stage.together(members, at)?,
-            Part::Iterated(own) => own.step(stage, at)?,
-            Part::Controlled(own) => own.step(stage, at)?,
+            Part::Iterated(own) => own.step(stage, at).map(|()| None)?,
+            Part::Controlled(own) => own.step(stage, at).map(|()| None)?,
         };
-        match found {
-            None => (),
-            at_start @ Some((Reached::Start, _)) => return Ok(at_start),
-            at_end => ended = ended.or(at_end),
-        }
+        ended = ended.or(found);
     }
     Ok(ended)
+}
+
+/// An error if a component ends the simulation in a step that may be repeated.
+fn fails_if(ended: Ended) -> Result<(), CallError> {
+    ended.map_or(Ok(()), Err)
 }
 
 /// Continuous components that depend on each other.
@@ -268,13 +241,13 @@ struct Iterated {
 }
 
 impl Iterated {
-    fn step(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<Ended, FmusError> {
-        let ended = self.repeat(stage, at);
+    fn step(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<(), FmusError> {
+        let made = self.repeat(stage, at);
         stage.exchange.is_repeated = false;
-        ended
+        made
     }
 
-    fn repeat(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<Ended, FmusError> {
+    fn repeat(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<(), FmusError> {
         self.states.save(stage.signals.members)?;
         let Iteration { tolerance, limit } = self.settings;
         for pass in 1..=limit {
@@ -283,21 +256,19 @@ impl Iterated {
                 stage.exchange.is_repeated = true;
             }
             for index in &self.states.members {
-                if let Some((_, error)) = stage.together(&[*index], at)? {
-                    return Ok(Some((Reached::Start, error)));
-                }
+                fails_if(stage.together(&[*index], at)?)?;
             }
             let numbers = &stage.signals.bus.numbers;
             let largest = self.signals.iter().map(|signal| signal.change(numbers)).fold(0.0, f64::max);
             if pass > 1 && largest <= tolerance {
-                return Ok(None);
+                return Ok(());
             }
             if pass == limit {
                 return Err(self.unsettled(stage, largest));
             }
             self.signals.iter_mut().for_each(|signal| signal.value = numbers[signal.slot]);
         }
-        Ok(None)
+        Ok(())
     }
 
     #[cold]
@@ -339,9 +310,6 @@ struct Controlled {
     limits: [f64; 2],
     /// Order of the coupling: the error of a step is that of its power plus 1.
     order: f64,
-    /// Size of the next step, s.
-    wanted: f64,
-    counts: StepCounts,
 }
 
 impl Controlled {
@@ -361,66 +329,59 @@ impl Controlled {
             tolerance: settings.tolerance,
             limits,
             order: if simulation.extrapolation == Extrapolation::Linear { 2.0 } else { 1.0 },
-            wanted: settings.initial_step.unwrap_or(largest / 16.0).clamp(limits[0], limits[1]),
-            counts: StepCounts::default(),
         }
     }
 
-    fn step(&mut self, stage: &mut Stage<'_>, whole: Interval) -> Result<Ended, FmusError> {
+    fn step(&mut self, stage: &mut Stage<'_>, whole: Interval) -> Result<(), FmusError> {
+        let [least, most] = self.limits;
         let mut time = whole.time;
         while time < whole.end {
             let left = whole.end - time;
-            let size = match self.wanted {
-                wanted if wanted >= left * (1.0 - 1e-6) => left,
-                wanted if wanted > 0.5 * left => 0.5 * left,
-                wanted => wanted,
+            let wanted = stage.exchange.memory.wanted.clamp(least, most);
+            let size = match wanted {
+                _ if wanted >= left * (1.0 - 1e-6) => left,
+                _ if wanted > 0.5 * left => 0.5 * left,
+                _ => wanted,
             };
             let end = if size == left { whole.end } else { time + size };
             let at = Interval { time, size: end - time, end, ..whole };
             // The size is a difference of times, which is rounded.
-            let is_smallest = at.size <= self.limits[0] * (1.0 + STEP_SLACK);
+            let is_smallest = at.size <= least * (1.0 + STEP_SLACK);
             self.start.save(stage)?;
             let error = match self.estimate(stage, at) {
-                Ok(Ok(error)) => error,
-                Ok(Err(ended)) => return Ok(Some((Reached::Start, ended))),
-                Err(FmusError::Unsettled { .. }) if !is_smallest => f64::INFINITY,
-                Err(error) if !is_smallest && error.discarded().is_some() => f64::INFINITY,
-                Err(failed) => return Err(failed),
+                Ok(error) => error,
+                Err(error) if is_smallest || !error.is_of_long_step() => return Err(error),
+                Err(_) => f64::INFINITY,
             };
             let factor = 0.9 * libm::pow(error, -1.0 / (self.order + 1.0));
             let factor = if error == 0.0 { 2.0 } else { factor.clamp(0.2, 2.0) };
-            let is_shortened = at.size < self.wanted;
             let next = factor * at.size;
+            let Exchange { memory, counts, .. } = &mut *stage.exchange;
             if error <= 1.0 || is_smallest {
-                self.counts.accept(at.size, error > 1.0);
+                counts.accept(at.size, error > 1.0);
                 time = end;
-                self.wanted = if is_shortened && factor >= 1.0 { self.wanted.max(next) } else { next };
+                let is_shortened = at.size < wanted;
+                memory.wanted = if is_shortened && factor >= 1.0 { wanted.max(next) } else { next };
             } else {
-                self.counts.rejected += 1;
+                counts.rejected += 1;
+                memory.wanted = next;
                 self.start.restore(stage)?;
-                self.wanted = next;
             }
-            self.wanted = self.wanted.clamp(self.limits[0], self.limits[1]);
         }
-        Ok(None)
+        Ok(())
     }
 
-    /// Makes one step, then two halves of it, and returns the error relative to the tolerance. `Err` within `Ok`: a
-    /// component ends the simulation.
-    fn estimate(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<Result<f64, CallError>, FmusError> {
+    /// Makes one step, then two halves of it, and returns the error relative to the tolerance.
+    fn estimate(&mut self, stage: &mut Stage<'_>, at: Interval) -> Result<f64, FmusError> {
         stage.begin(at);
-        if let Some((_, error)) = pass(&mut self.parts, stage, at)? {
-            return Ok(Err(error));
-        }
+        fails_if(pass(&mut self.parts, stage, at)?)?;
         self.signals.iter_mut().for_each(|signal| signal.value = stage.signals.bus.numbers[signal.slot]);
         self.start.restore(stage)?;
         let middle = at.time + 0.5 * at.size;
         for (time, end) in [(at.time, middle), (middle, at.end)] {
             let half = Interval { time, size: end - time, end, ..at };
             stage.begin(half);
-            if let Some((_, error)) = pass(&mut self.parts, stage, half)? {
-                return Ok(Err(error));
-            }
+            fails_if(pass(&mut self.parts, stage, half)?)?;
             stage.end(half);
         }
         let numbers = &stage.signals.bus.numbers;
@@ -431,6 +392,6 @@ impl Controlled {
             let error = (value - signal.value).abs() / (scale * range);
             if error.is_nan() { f64::INFINITY } else { error }
         };
-        Ok(Ok(self.signals.iter().map(error).fold(0.0, f64::max)))
+        Ok(self.signals.iter().map(error).fold(0.0, f64::max))
     }
 }

@@ -9,13 +9,13 @@
 
 use super::events::{Group as ClockedGroup, Signals};
 use super::{Feeder, Reached};
-use crate::run::{Linear, Order, Run, Simulation};
+use crate::run::{Component, Linear, Order, Run, Simulation, StepCounts, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::BaseType;
 use fmu_import::loader::CallError;
 
-/// End of the simulation by a component, see [`Reached`].
-pub(super) type Ended = Option<(Reached, CallError)>;
+/// The call with which a component ends the simulation at the end of a step. At another time, it is an error.
+pub(super) type Ended = Option<CallError>;
 
 /// A step of the components that have no rate.
 #[derive(Debug, Clone, Copy)]
@@ -42,32 +42,29 @@ struct Line {
     is_ahead_again: bool,
 }
 
-/// The inputs of a component that are lines, and the arguments for their slopes.
-#[derive(Default)]
-struct Lines {
+/// The rate of a component and its lines.
+struct Rate {
+    is_discrete: bool,
+    every: u64,
+    substeps: u64,
+    /// Slots of the outputs that the bus interpolates.
+    ramps: Vec<usize>,
     lines: Vec<Line>,
+    /// Arguments for the slopes of the lines.
     references: Vec<Reference>,
     orders: Vec<i32>,
     slopes: Vec<f64>,
 }
 
-/// Rate of a component.
-struct Rate {
-    is_discrete: bool,
-    every: u64,
-    substeps: u64,
-    /// Slots of the outputs that the bus interpolates, and the place of the first one in the memory.
-    ramps: Vec<usize>,
-    first: usize,
-}
-
 /// Values from before a step that the next steps depend on.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Memory {
     /// By slot, the slope in the previous interval.
     pub(super) slopes: Vec<f64>,
-    /// Values of interpolated outputs at both ends of the step of their component.
-    ramps: Vec<[f64; 2]>,
+    /// By component, the values of interpolated outputs at both ends of its step.
+    ramps: Vec<Vec<[f64; 2]>>,
+    /// Size of the next step under error control, s.
+    pub(super) wanted: f64,
 }
 
 /// Rates and lines of a run.
@@ -76,7 +73,6 @@ pub(super) struct Exchange {
     /// Number of steps until the stop time.
     steps: u64,
     rates: Vec<Rate>,
-    lines: Vec<Lines>,
     /// Slots of the sources of all lines.
     sources: Vec<usize>,
     /// By slot, the value at the start of the interval.
@@ -86,56 +82,54 @@ pub(super) struct Exchange {
     pub(super) is_repeated: bool,
     /// The step of the run, which components that take samples make at once.
     pub(super) whole: Interval,
+    pub(super) counts: StepCounts,
 }
 
 impl Exchange {
     /// `groups` are the components that repeat their steps together.
     pub(super) fn new(simulation: &Simulation, run: &Run, groups: &[Vec<usize>]) -> Self {
         let writer = |slot: usize| run.components.iter().position(|own| own.outputs.iter().any(|o| o.slot == slot));
-        let mut memory = Memory { slopes: vec![0.0; run.slots], ramps: Vec::new() };
-        let (mut rates, mut all, mut sources) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, component) in run.components.iter().enumerate() {
-            let ramps: Vec<usize> = component.outputs.iter().filter(|o| o.is_ramp).map(|wire| wire.slot).collect();
-            let first = memory.ramps.len();
-            memory.ramps.resize(first + ramps.len(), [0.0; 2]);
-            let is_discrete = component.is_discrete;
-            rates.push(Rate { is_discrete, every: component.every, substeps: component.substeps, ramps, first });
-            let mut own = Lines::default();
-            let reals = component.inputs.iter().filter(|wire| wire.base_type == BaseType::Real).enumerate();
-            for (input, wire) in reals.filter(|(_, wire)| wire.is_ramp) {
+        let rate = |(index, component): (usize, &Component)| {
+            let line = |(input, wire): (usize, &Wire)| {
                 let source = writer(wire.slot);
                 let is_ahead = simulation.order != Order::Jacobi && source.is_some_and(|source| source < index);
                 let is_with = |group: &Vec<usize>| group.contains(&index) && source.is_some_and(|s| group.contains(&s));
-                own.lines.push(Line {
-                    input,
-                    slot: wire.slot,
-                    conversion: wire.conversion,
-                    is_ahead,
-                    is_ahead_again: is_ahead || groups.iter().any(is_with),
-                });
-                own.references.push(wire.reference);
-                sources.push(wire.slot);
+                let is_ahead_again = is_ahead || groups.iter().any(is_with);
+                Line { input, slot: wire.slot, conversion: wire.conversion, is_ahead, is_ahead_again }
+            };
+            let reals = component.inputs.iter().filter(|wire| wire.base_type == BaseType::Real).enumerate();
+            let ramps = reals.filter(|(_, wire)| wire.is_ramp);
+            let lines: Vec<Line> = ramps.clone().map(line).collect();
+            Rate {
+                is_discrete: component.is_discrete,
+                every: component.every,
+                substeps: component.substeps,
+                ramps: component.outputs.iter().filter(|wire| wire.is_ramp).map(|wire| wire.slot).collect(),
+                references: ramps.map(|(_, wire)| wire.reference).collect(),
+                orders: vec![1; lines.len()],
+                slopes: vec![0.0; lines.len()],
+                lines,
             }
-            own.orders = vec![1; own.lines.len()];
-            own.slopes = vec![0.0; own.lines.len()];
-            all.push(own);
-        }
+        };
+        let rates: Vec<Rate> = run.components.iter().enumerate().map(rate).collect();
         let Simulation { start, stop, step, .. } = *simulation;
         Self {
             simulation: *simulation,
             steps: ((stop - start) / step).round() as u64,
-            rates,
-            lines: all,
-            sources,
+            sources: rates.iter().flat_map(|rate| &rate.lines).map(|line| line.slot).collect(),
             start: vec![0.0; run.slots],
-            memory,
+            memory: Memory {
+                slopes: vec![0.0; run.slots],
+                ramps: rates.iter().map(|rate| vec![[0.0; 2]; rate.ramps.len()]).collect(),
+                wanted: 0.0,
+            },
+            rates,
             is_repeated: false,
             whole: Interval { step: 0, time: start, size: step, end: start + step },
+            counts: StepCounts::default(),
         }
     }
-}
 
-impl Exchange {
     pub(super) fn is_discrete(&self, index: usize) -> bool {
         self.rates[index].is_discrete
     }
@@ -180,11 +174,8 @@ impl Stage<'_> {
         let mut ended = None;
         for index in members {
             let Some(at) = self.interval(*index, at) else { continue };
-            match self.make_steps(*index, at)? {
-                None => (),
-                at_start @ Some((Reached::Start, _)) => return Ok(at_start),
-                at_end => ended = ended.or(at_end),
-            }
+            let found = self.make_steps(*index, at)?;
+            ended = ended.or(found);
         }
         for index in members {
             let Some(at) = self.interval(*index, at) else { continue };
@@ -208,9 +199,9 @@ impl Stage<'_> {
         if !self.is_due(index, at) {
             return Ok(());
         }
-        let Exchange { lines, start, memory, is_repeated, .. } = &mut *self.exchange;
+        let Exchange { rates, start, memory, is_repeated, .. } = &mut *self.exchange;
         let Signals { members, bus, overwritten } = &mut self.signals;
-        let (member, Lines { lines, references, orders, slopes }) = (&mut members[index], &mut lines[index]);
+        let (member, Rate { lines, references, orders, slopes, .. }) = (&mut members[index], &mut rates[index]);
         if lines.is_empty() {
             member.set_inputs(bus)?;
         } else {
@@ -235,7 +226,8 @@ impl Stage<'_> {
     }
 
     fn make_steps(&mut self, index: usize, at: Interval) -> Result<Ended, CallError> {
-        let Rate { every, substeps, .. } = self.exchange.rates[index];
+        let Rate { every, substeps, ref lines, .. } = self.exchange.rates[index];
+        let has_lines = !lines.is_empty();
         if (every, substeps) == (1, 1) {
             return self.make_step(index, at.time, at.size);
         }
@@ -248,12 +240,12 @@ impl Stage<'_> {
         for i in 1..=substeps {
             let end =
                 simulation.time(if i == substeps { first + every as f64 } else { first + i as f64 / substeps as f64 });
-            if i > 1 && !self.exchange.lines[index].lines.is_empty() {
+            if i > 1 && has_lines {
                 self.set_inputs(index, at, time)?;
             }
-            if let Some((_, error)) = self.make_step(index, time, end - time)? {
+            if let Some(error) = self.make_step(index, time, end - time)? {
                 // Other components have not reached the end of this step, or have passed it.
-                return Ok(Some((Reached::Start, error)));
+                return Err(error);
             }
             time = end;
         }
@@ -261,16 +253,19 @@ impl Stage<'_> {
     }
 
     fn make_step(&mut self, index: usize, time: f64, size: f64) -> Result<Ended, CallError> {
-        self.clocked.step(index, &mut self.signals, time, size)
+        match self.clocked.step(index, &mut self.signals, time, size)? {
+            Some((Reached::Start, error)) => Err(error),
+            ended => Ok(ended.map(|(_, error)| error)),
+        }
     }
 
     /// Reads the outputs of a component that has made a step; those of a slow one are interpolated.
     fn read_outputs(&mut self, index: usize, at: Interval) -> Result<(), CallError> {
         let Exchange { rates, memory, steps, .. } = &mut *self.exchange;
-        let Rate { every, ref ramps, first, .. } = rates[index];
+        let Rate { every, ref ramps, .. } = rates[index];
         let Signals { members, bus, .. } = &mut self.signals;
         let done = at.step % every;
-        let ends = &mut memory.ramps[first..];
+        let ends = &mut memory.ramps[index];
         if done == 0 {
             ramps.iter().zip(&mut *ends).for_each(|(slot, [old, _])| *old = bus.numbers[*slot]);
             members[index].read_outputs(bus)?;
