@@ -6,6 +6,8 @@
 
 mod counting;
 
+use fmu_system::converge;
+use fmu_system::export::System;
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::plan::Plan;
@@ -592,5 +594,35 @@ fn a_coupled_step_does_not_allocate() {
             session.step().unwrap();
         }
         assert_eq!(counting::allocations(), before, "{keys}");
+    }
+}
+
+#[test]
+fn other_uses_of_a_plan_know_its_rates() {
+    let folder = oscillator_with([ALL; 2], &[]);
+    let find = |keys: &str, s1: &str| {
+        let text = scenario(&format!("stop = 1.0\nstep = 0.01\n{keys}"), &[("S1", s1), ("S2", "")], "\"x1\"");
+        resolved(&folder, &text).unwrap()
+    };
+    // Components keep their period, and only sequential steps are iterated.
+    let plan = find("iterate = {}", "");
+    let levels = converge::levels(&plan, &Fmus::load(&plan.runs).unwrap(), false).unwrap();
+    assert_eq!(levels.iter().map(|level| level.0.iterate.is_some()).collect::<Vec<_>>(), [true, true, true, false]);
+    let plan = find("", "every = 3");
+    let levels = converge::levels(&plan, &Fmus::load(&plan.runs).unwrap(), false).unwrap();
+    let every = |level: &converge::Level| level.1[0].components.iter().map(|own| own.every).collect::<Vec<_>>();
+    assert_eq!(levels.iter().map(every).collect::<Vec<_>>(), [[3, 1], [6, 1], [12, 1], [3, 1]]);
+    let plan = find("error_control = {}", "");
+    let message = converge::levels(&plan, &Fmus::load(&plan.runs).unwrap(), false).unwrap_err();
+    assert!(message.starts_with("`error_control` chooses the communication step; compare runs"), "{message}");
+    for (keys, s1, name) in [
+        ("", "every = 2", "every` or `substeps"),
+        ("extrapolation = \"linear\"", "", "extrapolation"),
+        ("iterate = {}", "", "iterate"),
+        ("error_control = {}", "", "error_control"),
+    ] {
+        let plan = find(keys, s1);
+        let message = System::new(&plan, &plan.runs[0]).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("neither SSP nor OSP structures can express `{name}`;")), "{message}");
     }
 }
