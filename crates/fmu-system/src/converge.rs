@@ -155,6 +155,8 @@ struct Graph<'p> {
     times: BTreeMap<&'p str, Option<f64>>,
     /// The components that each component reads.
     sources: BTreeMap<&'p str, BTreeSet<&'p str>>,
+    /// Number of communication steps in a step of each component.
+    every: BTreeMap<&'p str, u64>,
 }
 
 impl<'p> Graph<'p> {
@@ -184,7 +186,8 @@ impl<'p> Graph<'p> {
                 times.insert(own.name.as_str(), time);
             }
         }
-        Self { times, sources }
+        let every = run.components.iter().map(|own| (own.name.as_str(), own.every)).collect();
+        Self { times, sources, every }
     }
 
     fn plants(&self) -> impl Iterator<Item = (&'p str, &BTreeSet<&'p str>)> {
@@ -205,10 +208,11 @@ impl<'p> Graph<'p> {
 
     /// Explains for each component whether its sample time limits the effect of the step.
     fn notes(&self, step: f64, metrics: &[MetricReport]) -> Vec<String> {
-        let is_longer = |time: f64| step > time * (1.0 + 1e-9);
+        let is_longer = |name: &str, time: f64| step * self.every[name] as f64 > time * (1.0 + 1e-9);
         let note = |(name, time): (&&str, &Option<f64>)| match time {
+            None if self.every[name] > 1 => None,
             None => Some(format!("`{name}` updates once per communication step: h, h/2 and h/4 are different systems")),
-            Some(time) => is_longer(*time).then(|| {
+            Some(time) => is_longer(name, *time).then(|| {
                 let rest = format!("below h = sample_time = {} s the result is another", significant(*time, 6));
                 format!("`{name}` takes several samples per step with the same inputs; {rest}")
             }),
@@ -217,8 +221,10 @@ impl<'p> Graph<'p> {
         let mut classes =
             metrics.iter().map(|metric| metric.own.class).filter(|class| *class != Class::Undefined).peekable();
         if classes.peek().is_some() && classes.all(|class| class == Class::Independent) {
-            let is_sampled =
-                |source: &&str| self.times.get(source).is_some_and(|time| time.is_some_and(|time| !is_longer(time)));
+            let is_sampled = |source: &&str| {
+                let time = self.times.get(source);
+                time.is_some_and(|time| time.map_or(self.every[source] > 1, |time| !is_longer(source, time)))
+            };
             for (plant, sources) in self.plants().filter(|(_, read)| !read.is_empty() && read.iter().all(is_sampled)) {
                 let names: Vec<String> = sources.iter().map(|source| format!("`{source}`")).collect();
                 let fixed = format!("the exchange is fixed by the sample times of {}", names.join(", "));

@@ -626,3 +626,20 @@ fn other_uses_of_a_plan_know_its_rates() {
         assert!(message.starts_with(&format!("neither SSP nor OSP structures can express `{name}`;")), "{message}");
     }
 }
+
+/// A component with `every` takes samples at its own times, one without once per step.
+#[test]
+fn the_report_on_convergence_knows_which_components_have_a_period() {
+    let folder = multirate();
+    let components = [("Sensor", "every = 2"), ("Controller", ""), ("Plant", "")];
+    let plan = resolved(&folder, &scenario("stop = 0.2\nstep = 0.01", &components, "\"y\"")).unwrap();
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let levels = converge::levels(&plan, &fmus, false).unwrap();
+    let execute = |level: &converge::Level| vec![master::execute(&level.0, &level.1[0], &fmus).ok()];
+    let recordings: Vec<_> = levels.iter().map(execute).collect();
+    let reports = converge::assess(&plan, &fmus, &recordings, 0.01).unwrap();
+    assert_eq!(
+        reports[0].notes,
+        ["`controller` updates once per communication step: h, h/2 and h/4 are different systems"]
+    );
+}
