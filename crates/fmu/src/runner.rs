@@ -175,6 +175,7 @@ pub trait Model: Sized + 'static {
     /// Assigns positions to all variables.
     fn layout() -> Layout;
     /// The start values of the variables; the slopes of the inputs are 0.
+    #[inline]
     fn start(layout: &Layout) -> ValueStore {
         let mut values = ValueStore::start(layout);
         if Self::INTERPOLATES {

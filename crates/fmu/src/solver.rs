@@ -37,11 +37,13 @@ pub(crate) struct Line<'a> {
 
 impl<'a> Line<'a> {
     /// The inputs of a step that starts at `start` in s with the present values; uses the memory of `reals`.
+    #[cold]
     pub(crate) fn new(layout: &Layout, values: &'a ValueStore, start: f64, reals: Vec<f64>) -> Self {
         let (first, slopes) = (&values.reals[layout.inputs.reals()], &values.reals[layout.slopes()]);
         Self { values: values.view(), at: layout.inputs.at, start, first, slopes, reals }
     }
 
+    #[cold]
     fn move_to(&mut self, time: f64) {
         let after = time - self.start;
         self.reals.clear();
@@ -49,13 +51,13 @@ impl<'a> Line<'a> {
     }
 
     #[cold]
-    #[inline(never)]
-    fn read<I: Variables<f64>>(&mut self, time: f64) -> I {
+    fn read<I: Variables<f64>>(&mut self, time: f64, inputs: &mut I) {
         self.move_to(time);
-        I::read(Values { reals: &self.reals, ..self.values }, Counts { reals: 0, ..self.at })
+        *inputs = I::read(Values { reals: &self.reals, ..self.values }, Counts { reals: 0, ..self.at });
     }
 
     /// The real inputs at a time in s.
+    #[cold]
     pub(crate) fn into_reals(mut self, time: f64) -> Vec<f64> {
         self.move_to(time);
         self.reals
@@ -76,7 +78,7 @@ impl<M: Continuous> Problem<'_, M> {
         if K::LINEAR
             && let Some(line) = &mut self.line
         {
-            self.inputs = line.read(time);
+            line.read(time, &mut self.inputs);
         }
     }
 

@@ -379,7 +379,9 @@ impl<M: Model> Instance<M> {
             for (&reference, &value) in references.iter().zip(values) {
                 self.values.reals[reference as usize] = value;
             }
-            self.forget_slopes(references);
+            if M::INTERPOLATES && self.has_slopes {
+                self.forget_slopes(references);
+            }
             self.values_changed();
             return Ok(());
         }
@@ -440,22 +442,22 @@ impl<M: Model> Instance<M> {
         if is_changed {
             self.parameters_changed();
         }
-        self.forget_slopes(references);
+        if M::INTERPOLATES && self.has_slopes {
+            self.forget_slopes(references);
+        }
         self.values_changed();
         Ok(())
     }
 
     /// A value that is set is held, until its slope is set.
-    #[inline]
+    #[cold]
     fn forget_slopes(&mut self, references: &[u32]) {
-        if M::INTERPOLATES && self.has_slopes {
-            for &reference in references {
-                if let Some(index) = self.slope_of(reference) {
-                    self.values.reals[index] = 0.0;
-                }
+        for &reference in references {
+            if let Some(index) = self.slope_of(reference) {
+                self.values.reals[index] = 0.0;
             }
-            self.update_slopes();
         }
+        self.update_slopes();
     }
 
     pub(super) fn update_slopes(&mut self) {
