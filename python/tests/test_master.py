@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from chassis_fmu.execution import __main__ as worker
 from chassis_fmu.execution import clocks, fmi3, master
 from chassis_fmu.execution.calls import Board
 from chassis_fmu.files import results
-from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Wire
+from chassis_fmu.files.plan import Component, InputSeries, Plan, Run, Setting, Solver, Wire
 
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 
@@ -193,6 +194,12 @@ def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run
     _, rows = master.simulate(converting, replace(scenario.simulation, steps=4, stop=0.4), System(rise, follow))
     assert rows[:, 0].tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert rows[:, 1].tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
+
+
+def test_model_exchange_is_for_the_native_master(run: Run, tmp_path: Path) -> None:
+    component = replace(run.components[0], integration=Solver("rosenbrock", 1e-6))
+    with pytest.raises(master.RunError, match="only the native master integrates an FMU for model exchange"):
+        master.FmpyInstance(component, tmp_path)
 
 
 def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:

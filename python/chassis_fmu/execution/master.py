@@ -148,6 +148,9 @@ class FmpyInstance:
     """An instance made by fmpy, of either version of FMI."""
 
     def __init__(self, component: Component, folder: Path) -> None:
+        if component.integration:
+            message = "only the native master integrates an FMU for model exchange: leave out --engine fmpy"
+            raise RunError(component.name, "loading", None, message)
         is_new = component.fmi == "3.0"
         try:
             arrays = {array.reference for array in component.arrays}

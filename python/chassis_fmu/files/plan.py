@@ -237,14 +237,17 @@ class ClockWire(_Part, frozen=True):
     source_reference: int
 
 
-class Solver(_Part, frozen=True):
-    """Method that integrates the states of an FMU for model exchange."""
+# Method that integrates states.
+Method: TypeAlias = Literal["dormand_prince", "rosenbrock", "runge_kutta"]
 
-    solver: Literal["dormand_prince", "rosenbrock", "runge_kutta"] | None = None
-    # Relative error of a step.
-    tolerance: float | None = None
-    # Longest step, s.
-    max_step: float | None = None
+
+class Solver(_Part, frozen=True):
+    """How the states of an FMU for model exchange are integrated."""
+
+    # The method.
+    method: Method
+    # Limit of a step: its relative error, see `ode::error_norm`, or for the Runge-Kutta method its length in s.
+    limit: float
 
 
 class Component(_Part, frozen=True):
