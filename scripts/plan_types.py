@@ -101,16 +101,12 @@ class Types:
             return name
         required = {key: schema["properties"][key] for key in schema.get("required", ())}
         # A class has the fields of all alternatives. Some alternatives have a description only in the property itself.
-        optional: dict[str, dict[str, Any]] = {}
-        for part in [schema, *alternatives]:
-            for key, value in part.get("properties", {}).items():
-                if key in required:
-                    continue
-                if "const" in value and key in optional:
-                    # The tag of an alternative.
-                    optional[key] = {"anyOf": [*optional[key].get("anyOf", [optional[key]]), value]}
-                else:
-                    optional[key] = {"description": part.get("description", "")} | value
+        optional = {
+            key: {"description": part.get("description", "")} | value
+            for part in [schema, *alternatives]
+            for key, value in part.get("properties", {}).items()
+            if key not in required
+        }
         lines = [self._field(key, value, is_required=True) for key, value in required.items()]
         lines += [self._field(key, value, is_required=False) for key, value in optional.items()]
         mixin = f"plan_rules.{name}Mixin, " if hasattr(plan_rules, f"{name}Mixin") else ""
