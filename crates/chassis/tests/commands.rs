@@ -177,7 +177,7 @@ fn a_scenario_is_planned_and_run() {
     let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let plan = text(&output.stdout);
-    assert!(plan.starts_with(r#"{"format":8,"name":"ramp","file":"ramp.toml","title":"Ramp""#), "{plan}");
+    assert!(plan.starts_with(r#"{"format":9,"name":"ramp","file":"ramp.toml","title":"Ramp""#), "{plan}");
     assert!(plan.contains(r#""stop":0.5,"step":0.25,"steps":2,"order":"sequential""#), "{plan}");
     assert!(plan.contains(r#""fmu":"target/fmu/Ramp.fmu""#), "{plan}");
 
