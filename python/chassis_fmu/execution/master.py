@@ -343,20 +343,20 @@ class Slave:
         self.check(status, name, time, subject)
         return value
 
-    def set(self, time: float, lines: rates.Lines | None = None) -> None:
-        """Set the wired inputs from the bus, or to the values and slopes of lines."""
+    def set(self, time: float, member: rates.Member | None = None) -> None:
+        """Set the wired inputs from the bus, or to the values and slopes of the lines of a member."""
         group = self._inputs
         if group.count:
             group.load()
-            if lines:
-                lines.store(group.buffer)
+            for i, value in member.values if member else ():
+                group.buffer[i] = value
             self._board.call = self._calls[0]
             status = self._set_real(self._component, group.references, group.count, group.values)
             self._restore_rounding("fmi2SetReal")
             if not OK <= status <= WARNING:
                 self.check(status, "fmi2SetReal", time)
-        if lines and lines.count:
-            arguments = (lines.references, lines.count, lines.orders, lines.slopes)
+        if member and member.lines:
+            arguments = (member.references, len(member.lines), member.orders, member.slopes)
             self.call("fmi2SetRealInputDerivatives", time, *arguments)
         for whole in self._whole_inputs:
             name = f"fmi2Set{whole.kind}"
@@ -485,7 +485,7 @@ class Slave:
         self.instance.free()
 
 
-class _Player:
+class Player:
     """Plays an input series: linear between its samples, or held."""
 
     def __init__(self, feed: InputSeries, step: float) -> None:
@@ -570,7 +570,7 @@ def simulate(
     recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
     times, rows = np.empty(simulation.rows), np.empty((simulation.rows, len(recorded)))
     done = 0
-    players = [_Player(f, step) for f in run.series]
+    players = [Player(f, step) for f in run.series]
     slaves: list[Slave] = []
     time = start
     board = board or Board()

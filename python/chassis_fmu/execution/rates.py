@@ -6,31 +6,16 @@ import ctypes
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from ..files.plan import InputSeries, Linear, Run, Simulation
+from ..files.plan import Run, Simulation
 from .bus import Array, of_type
 
 if TYPE_CHECKING:
-    from .master import RunError, Slave
+    from .master import Player, RunError, Slave
 
 # Part of a step, at its end, in which a jump of a series does not belong to the step.
 END_SLACK = 1e-9
-
-
-class Player(Protocol):
-    """An input series."""
-
-    feed: InputSeries
-
-    def of_step(self, time: float) -> float:
-        """Return the value for the step that begins at a time."""
-
-    def at_start(self, time: float) -> float:
-        """Return the value at a time. Times must rise from call to call."""
-
-    def peek(self, time: float) -> float:
-        """Return the value at a later time."""
 
 
 def time_of(simulation: Simulation, steps: float) -> float:
@@ -57,37 +42,22 @@ class Interval:
     end: float
 
 
-class Lines:
-    """The inputs of a component that are lines, and the arguments for their slopes."""
-
-    def __init__(self, slave: Slave, is_ahead: Sequence[bool]) -> None:
-        wires = [(i, w) for i, w in enumerate(of_type(slave.component.inputs, "Real")) if w.is_ramp]
-        self.count = len(wires)
-        # Index among the Real inputs, slot, conversion, and whether the source steps before the reader.
-        self.lines: list[tuple[int, int, Linear | None, bool]] = [
-            (i, w.slot, w.conversion, is_ahead[w.slot]) for i, w in wires
-        ]
-        self.values = [0.0] * self.count
-        self.references = (ctypes.c_uint * self.count)(*(w.reference for _, w in wires))
-        self.orders = (ctypes.c_int * self.count)(*[1] * self.count)
-        self.slopes = (ctypes.c_double * self.count)()
-
-    def store(self, buffer: Array) -> None:
-        """Put the values into the Real inputs."""
-        for (i, *_), value in zip(self.lines, self.values, strict=True):
-            buffer[i] = value
-
-
-class _Member:
-    """A component with its rate."""
+class Member:
+    """A component with its rate, the inputs that are lines, and the arguments for their slopes."""
 
     def __init__(self, slave: Slave, is_ahead: Sequence[bool]) -> None:
         self.slave = slave
-        self.lines = Lines(slave, is_ahead)
         self.every, self.substeps = slave.component.every, slave.component.substeps
         # Outputs that the bus interpolates, and their values at both ends of the step of the component.
         self.ramps = [w.slot for w in slave.component.outputs if w.is_ramp]
         self.ends = [(0.0, 0.0)] * len(self.ramps)
+        # Index among the Real inputs, wire, and whether the source steps before the reader.
+        wires = [(i, w) for i, w in enumerate(of_type(slave.component.inputs, "Real")) if w.is_ramp]
+        self.lines = [(i, w, is_ahead[w.slot]) for i, w in wires]
+        self.values = [(i, 0.0) for i, _ in wires]
+        self.references = (ctypes.c_uint * len(wires))(*(w.reference for _, w in wires))
+        self.orders = (ctypes.c_int * len(wires))(*[1] * len(wires))
+        self.slopes = (ctypes.c_double * len(wires))()
 
 
 class Coupling:
@@ -99,13 +69,13 @@ class Coupling:
         self.simulation, self._players, self._bus = simulation, players, bus
         is_jacobi = simulation.order == "jacobi"
         is_ahead = [False] * run.slots
-        self._members: list[_Member] = []
+        self._members: list[Member] = []
         for slave in slaves:
-            self._members.append(_Member(slave, is_ahead))
+            self._members.append(Member(slave, is_ahead))
             for wire in slave.component.outputs:
                 is_ahead[wire.slot] = not is_jacobi
         self._parts = [self._members] if is_jacobi else [[member] for member in self._members]
-        self._sources = {slot for member in self._members for _, slot, *_ in member.lines.lines}
+        self._sources = {wire.slot for member in self._members for _, wire, _ in member.lines}
         # By slot, the value at the start of the step, and the slope in the step before.
         self._start, self._slopes = [0.0] * run.slots, [0.0] * run.slots
         self._steps = math.floor((simulation.stop - simulation.start) / simulation.step + 0.5)
@@ -149,21 +119,20 @@ class Coupling:
         for slot in self._sources:
             self._start[slot] = float(self._bus[slot])
 
-    def _set(self, member: _Member, at: Interval, time: float) -> None:
+    def _set(self, member: Member, at: Interval, time: float) -> None:
         """Set the inputs of a component that is due, with the values that lines have at `time`."""
         if at.number % member.every:
             return
-        lines = member.lines
-        for k, (_, slot, conversion, is_ahead) in enumerate(lines.lines):
-            first = self._start[slot]
-            rise = (float(self._bus[slot]) - first) / at.size if is_ahead else self._slopes[slot]
+        for k, (i, wire, is_ahead) in enumerate(member.lines):
+            first = self._start[wire.slot]
+            rise = (float(self._bus[wire.slot]) - first) / at.size if is_ahead else self._slopes[wire.slot]
             value = first + rise * (time - at.time)
-            if conversion is not None:
-                value, rise = conversion.factor * value + conversion.offset, conversion.factor * rise
-            lines.values[k], lines.slopes[k] = value, rise
-        member.slave.set(at.time, lines)
+            if wire.conversion is not None:
+                value, rise = wire.conversion.factor * value + wire.conversion.offset, wire.conversion.factor * rise
+            member.values[k], member.slopes[k] = (i, value), rise
+        member.slave.set(at.time, member)
 
-    def _advance(self, member: _Member, at: Interval) -> RunError | None:
+    def _advance(self, member: Member, at: Interval) -> RunError | None:
         """Make the steps of a component that is due."""
         every, substeps = member.every, member.substeps
         if (every, substeps) == (1, 1):
@@ -174,7 +143,7 @@ class Coupling:
         for i in range(1, substeps + 1):
             done = every if i == substeps else i / substeps
             end = time_of(self.simulation, at.number + done)
-            if i > 1 and member.lines.count:
+            if i > 1 and member.lines:
                 self._set(member, at, time)
             ended = member.slave.step(time, end - time)
             if ended is not None:
@@ -184,7 +153,7 @@ class Coupling:
             time = end
         return None
 
-    def _read(self, member: _Member, at: Interval) -> None:
+    def _read(self, member: Member, at: Interval) -> None:
         """Read the outputs of a component that has made a step; those of a slow one are interpolated."""
         bus, done = self._bus, at.number % member.every
         if done == 0:
