@@ -624,11 +624,7 @@ impl Session {
     #[cold]
     fn not_finite(&self, time: f64) -> Failure {
         let slot = self.bus.numbers.iter().position(|value| !value.is_finite()).unwrap_or_default();
-        let mut outputs = self
-            .members
-            .iter()
-            .flat_map(|member| member.names.iter().map(|(slot, name)| (*slot, member.instance.name(), name.as_str())));
-        let (_, component, variable) = outputs.find(|output| output.0 == slot).unwrap_or((slot, "", "input series"));
+        let (component, variable) = output_in(&self.members, slot).unwrap_or(("", "input series"));
         let (component, variable) = (component.to_owned(), variable.to_owned());
         Failure::of(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus.numbers[slot] })
     }
@@ -797,6 +793,12 @@ impl Session {
         }
         Ok(ended)
     }
+}
+
+/// The component and the name of the output that writes a slot.
+fn output_in(members: &[Component], slot: usize) -> Option<(&str, &str)> {
+    let mut outputs = members.iter().flat_map(|own| own.names.iter().map(move |name| (own.instance.name(), name)));
+    outputs.find(|(_, (own, _))| *own == slot).map(|(component, (_, name))| (component, name.as_str()))
 }
 
 fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Component>, FmusError> {

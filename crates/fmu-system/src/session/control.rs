@@ -275,15 +275,9 @@ impl Iterated {
     fn unsettled(&self, stage: &Stage<'_>, change: f64) -> FmusError {
         let numbers = &stage.signals.bus.numbers;
         let changing = self.signals.iter().filter(|signal| signal.change(numbers) > self.settings.tolerance);
-        let name = |signal: &Signal| {
-            let members = &stage.signals.members;
-            let mut names =
-                members.iter().flat_map(|own| own.names.iter().map(move |name| (own.instance.name(), name)));
-            let found = names.find(|(_, (slot, _))| *slot == signal.slot);
-            found.map_or(String::new(), |(component, (_, name))| format!("`{component}:{name}`"))
-        };
-        let signals = changing.map(name).collect::<Vec<_>>().join(", ");
-        FmusError::Unsettled { signals, change, passes: self.settings.limit }
+        let names = changing.filter_map(|signal| super::output_in(stage.signals.members, signal.slot));
+        let names: Vec<String> = names.map(|(component, name)| format!("`{component}:{name}`")).collect();
+        FmusError::Unsettled { signals: names.join(", "), change, passes: self.settings.limit }
     }
 }
 
