@@ -3,7 +3,7 @@
 #![cfg(target_os = "linux")]
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 const EXERCISE: &str = env!("CARGO_BIN_EXE_exercise");
@@ -45,7 +45,44 @@ fn a_step_allocates_nothing() {
 #[cfg(target_env = "gnu")]
 #[test]
 fn a_step_of_the_native_master_allocates_nothing() {
-    let scenario = tests::workspace().join("scenarios/rescue_vehicle_step_steer.toml");
+    stepping_allocates_nothing(&tests::workspace().join("scenarios/rescue_vehicle_step_steer.toml"));
+}
+
+/// The master integrates the plant. The inputs are constant and the solver needs no Jacobian, because the exporter's FMUs
+/// allocate in Event Mode and for directional derivatives.
+#[cfg(target_env = "gnu")]
+#[test]
+fn a_step_in_model_exchange_allocates_nothing() {
+    const TEXT: &str = r#"
+title = "Test"
+[simulation]
+stop = 2.0
+step = 0.001
+[[component]]
+name = "plant"
+fmu = "RescueVehicle"
+interface = "model-exchange"
+[component.inputs]
+"road_height.*" = 0.0
+"road_friction.*" = 1.0
+"driver.speed" = 5.0
+"steer.front" = 0.05
+"steer.middle" = 0.0
+"steer.rear" = 0.0
+"suspension_force.*" = 0.0
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["vehicle.yaw_rate"]
+"#;
+    let scenario = tempfile::NamedTempFile::with_suffix(".toml").expect("a temporary file");
+    std::fs::write(scenario.path(), TEXT).expect("a file");
+    stepping_allocates_nothing(scenario.path());
+}
+
+#[cfg(target_env = "gnu")]
+fn stepping_allocates_nothing(scenario: &Path) {
     let mut command = Command::new(EXERCISE);
     let command =
         command.arg("master").arg(scenario).args(["0.5", "0.5", "1", "2"]).env("LD_PRELOAD", counting_library());

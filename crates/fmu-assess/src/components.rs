@@ -97,9 +97,6 @@ pub(crate) fn find(
         });
         return Err(SetupError::with_help(format!("there is no FMU {fmu} in {}", source.place()), help));
     };
-    if found.description.co_simulation.is_none() {
-        return Err(SetupError::new(format!("{} has no co-simulation interface", found.path)));
-    }
     let mut renamed = BTreeMap::new();
     for (signal, variable) in names.into_iter().flatten().filter(|(signal, _)| *signal != TIME) {
         if found.description.variable(variable).is_none() {
