@@ -24,6 +24,7 @@ pages! {
     lab = "src/lab.md",
     platforms = "src/platforms.md",
     scenarios = "src/scenarios.md",
+    ssp = "src/ssp.md",
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
     steady_states = "src/steady-states.md",
