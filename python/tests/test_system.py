@@ -6,9 +6,22 @@ from lxml import html
 from msgspec.structs import replace
 
 from chassis_fmu.evaluation.results_table import Numbers
-from chassis_fmu.files.plan import Component, Connected, Linear, Loop, Origin, Plan, Signal, Timing, TypeChange, Wiring
+from chassis_fmu.files.plan import (
+    Component,
+    Connected,
+    Linear,
+    Loop,
+    Origin,
+    Plan,
+    Signal,
+    Simulation,
+    Timing,
+    TypeChange,
+    Wiring,
+)
 from chassis_fmu.report import page, system
 
+TIMES = Simulation(0.0, 1.0, 0.1, 10, "sequential", 1)
 CONTEXT = page.Context("native", "chassis run trial.toml")
 
 
@@ -42,7 +55,7 @@ def wiring(case: str = "active") -> Wiring:
 
 
 def test_connections_are_bundled_by_pair_and_time() -> None:
-    found = system._system(components("source", "plant"), wiring())
+    found = system._system(components("source", "plant"), wiring(), TIMES)
     assert found.boxes == ("input file", "source", "plant")
     assert [(b.source, b.reader, b.timing, b.signals, b.in_loop) for b in found.bundles] == [
         ("input file", "plant", "file", (("road", ""),), False),
@@ -54,7 +67,7 @@ def test_connections_are_bundled_by_pair_and_time() -> None:
 
 def test_numbers_are_in_the_row_of_the_source_and_the_column_of_the_reader() -> None:
     links = (connected("c1:y", "c7:u", "on_time"), connected("c9:y", "c7:v", "held"), connected("c9:y", "c3:u", "late"))
-    found = system._system(components(*(f"c{i}" for i in range(12))), Wiring("", links, (), ()))
+    found = system._system(components(*(f"c{i}" for i in range(12))), Wiring("", links, (), ()), TIMES)
     centers = {box: found.place(box) for box in found.boxes}
     for bundle, x, y, side in found.numbers():
         assert abs(x - centers[bundle.reader][0]) <= 10.0
@@ -67,7 +80,12 @@ def test_numbers_are_in_the_row_of_the_source_and_the_column_of_the_reader() -> 
 def test_rates_are_listed() -> None:
     own = components("source", "plant", "sensor")
     rates = (replace(own[0], every=10), replace(own[1], substeps=4), own[2])
-    assert system._system(rates, wiring()).rates == (("source", "one step in 10"), ("plant", "4 steps in one"))
+    assert system._system(rates, wiring(), TIMES).rates == (("source", "1 per 10"), ("plant", "4 per 1"))
+
+
+def test_the_meaning_of_held_values_depends_on_the_coupling() -> None:
+    lines = system._system(components("source", "plant"), wiring(), replace(TIMES, extrapolation="linear"))
+    assert lines.times["held"][1] == "the value from the start of a step is extrapolated over the step"
 
 
 def test_the_picture_is_on_the_page(scenario: Plan) -> None:

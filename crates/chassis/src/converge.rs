@@ -40,7 +40,7 @@ pub(crate) struct Converge {
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let percent = text.strip_suffix('%').and_then(|number| number.parse().ok());
+    let percent = text.strip_suffix('%').unwrap_or(text).parse().ok();
     let share = percent.filter(|x: &f64| *x > 0.0 && x.is_finite()).map(|x| x / 100.0);
     share.ok_or("must be a percentage above 0, such as 1%".to_owned())
 }

@@ -92,7 +92,7 @@ fn summary(plan: &Plan) -> String {
     let mut known: HashSet<[String; 3]> = HashSet::new();
     let mut shown = None;
     for wiring in &plan.wiring {
-        let rows = rows(wiring);
+        let rows = rows(wiring, held(times));
         let new: Vec<[String; 3]> = rows.into_iter().filter(|row| !known.contains(row)).collect();
         if known.is_empty() {
             lines.push(format!("\nWiring, case {}", wiring.case));
@@ -148,6 +148,15 @@ fn coupling(simulation: &Simulation) -> String {
     words.into_iter().map(|word| format!(", {word}")).collect()
 }
 
+/// What happens to a value from the start of a step.
+fn held(simulation: &Simulation) -> &'static str {
+    match (simulation.iterate, simulation.extrapolation) {
+        (Some(_), _) => ", iterated",
+        (None, Extrapolation::Linear) => ", extrapolated over the step",
+        (None, Extrapolation::Hold) => ", held over the step",
+    }
+}
+
 /// The number of connections by the time of their values; `None` without connections.
 fn timings(wiring: &Wiring) -> Option<String> {
     let count = |wanted: Timing| wiring.inputs.iter().filter(|input| input.timing == Some(wanted)).count();
@@ -194,8 +203,8 @@ fn components(plan: &Plan) -> Vec<String> {
         let set = counted(component.parameters.len(), "parameter");
         let rate = match (component.every, component.substeps) {
             (1, 1) => String::new(),
-            (1, substeps) => format!(", {substeps} steps per step"),
-            (every, _) => format!(", steps every {every} steps"),
+            (1, substeps) => format!(", {substeps} steps per communication step"),
+            (every, _) => format!(", a step per {every} communication steps"),
         };
         let solver = component.integration.map_or(String::new(), |by| format!(", model exchange with {by}"));
         let parameters = format!("FMI {}, sets {set}{steady}{rate}{solver}", component.fmi);
@@ -214,7 +223,7 @@ fn components(plan: &Plan) -> Vec<String> {
 
 /// The connections of a case: component, input, source. Inputs whose names differ only in the last part share a row if
 /// their sources differ in the same way.
-fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
+fn rows(wiring: &Wiring, held: &str) -> Vec<[String; 3]> {
     let mut rows: Vec<([String; 4], Vec<String>)> = Vec::new();
     let mut indices: HashMap<[String; 4], usize> = HashMap::new();
     for Connected { input, source, type_change, conversion, timing } in &wiring.inputs {
@@ -243,7 +252,7 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
         };
         let note = match timing {
             None | Some(Timing::OnTime) => "",
-            Some(Timing::Held) => ", held over the step",
+            Some(Timing::Held) => held,
             Some(Timing::Late) => ", one step late",
             Some(Timing::Early) => ", one step early",
         };

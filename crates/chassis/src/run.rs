@@ -109,6 +109,9 @@ fn factor(text: &str) -> Result<f64, String> {
 impl Arguments {
     /// Keeps the runs of the chosen case and seeds.
     fn select(&self, plan: &mut Plan) -> miette::Result<()> {
+        if self.converge.converge {
+            fmu_system::converge::check(plan).map_err(|message| miette!("{message}"))?;
+        }
         if self.converge.converge && self.selection.seeds.is_none() {
             plan.seeds.truncate(1);
             plan.runs.retain(|run| run.seed.is_none_or(|seed| plan.seeds.contains(&seed)));

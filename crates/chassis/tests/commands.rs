@@ -343,7 +343,7 @@ fn the_error_of_the_step_is_estimated() {
     let sampled = RING.replace("name = \"velocity\"\n", "name = \"velocity\"\nkind = \"discrete\"\n");
     std::fs::write(folder.path().join("ramp.toml"), sampled).unwrap();
     let printed = text(&call(&["--sample-times"]).stdout);
-    let note = "`velocity` updates once per communication step: h, h/2 and h/4 are different systems";
+    let note = "`velocity` updates once per communication step, so the systems with h, h/2 and h/4 differ";
     assert!(printed.contains(note) && printed.contains("controllers' sample times"), "{printed}");
 
     std::fs::write(folder.path().join("ramp.toml"), RING.replace("start = 1.0", "failure = 1")).unwrap();

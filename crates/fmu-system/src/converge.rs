@@ -211,9 +211,11 @@ impl<'p> Graph<'p> {
         let is_longer = |name: &str, time: f64| step * self.every[name] as f64 > time * (1.0 + 1e-9);
         let note = |(name, time): (&&str, &Option<f64>)| match time {
             None if self.every[name] > 1 => None,
-            None => Some(format!("`{name}` updates once per communication step: h, h/2 and h/4 are different systems")),
+            None => {
+                Some(format!("`{name}` updates once per communication step, so the systems with h, h/2 and h/4 differ"))
+            }
             Some(time) => is_longer(name, *time).then(|| {
-                let rest = format!("below h = sample_time = {} s the result is another", significant(*time, 6));
+                let rest = format!("the result differs for h below its sample_time, {} s", significant(*time, 6));
                 format!("`{name}` takes several samples per step with the same inputs; {rest}")
             }),
         };
@@ -238,20 +240,29 @@ impl<'p> Graph<'p> {
 /// The runs of a plan with other times and order, and with other sample times.
 pub type Level = (Simulation, Vec<Run>);
 
+/// Checks that the communication step of a plan can be changed.
+///
+/// # Errors
+/// The steps are chosen by their error.
+pub fn check(plan: &Plan) -> Result<(), String> {
+    match plan.simulation.error_control {
+        Some(_) => Err("`error_control` chooses the communication step; compare runs with other tolerances".to_owned()),
+        None => Ok(()),
+    }
+}
+
 /// The runs to compare: with the steps h, h/2 and h/4, and with the other order of the components. With
 /// `has_sample_times`, runs with the steps h/2 and h/4 follow in which the sample times of controllers are divided, too.
 ///
 /// # Errors
-/// The steps are chosen by their error, or a controller rejects the sample time.
+/// The plan cannot be compared ([`check`]), or a controller rejects the sample time.
 pub fn levels(plan: &Plan, fmus: &Fmus, has_sample_times: bool) -> Result<Vec<Level>, String> {
     let own = plan.simulation;
     let divided = |n: u32, every: u64| {
         let steps = own.steps * u64::from(n);
         Simulation { step: own.step / f64::from(n), steps, every: own.every * every, ..own }
     };
-    if own.error_control.is_some() {
-        return Err("`error_control` chooses the communication step; compare runs with other tolerances".to_owned());
-    }
+    check(plan)?;
     // Components with a rate keep their period.
     let runs = |n: u64| {
         let mut runs = plan.runs.clone();
@@ -292,7 +303,7 @@ struct MetricReport {
     recording: Option<f64>,
     other_order: Option<f64>,
     order_change: Option<f64>,
-    /// True if the other order changes the metric by more than twice the error.
+    /// True if the other order changes the metric by more than twice the error, and by more than is accepted.
     order_matters: bool,
     sample_times: Option<Assessment>,
 }
@@ -337,6 +348,7 @@ impl RunReport {
         let largest = self
             .signals
             .iter()
+            .filter(|(_, found)| found.relative > Some(0.0))
             .max_by(|(_, a), (_, b)| a.relative.unwrap_or(0.0).total_cmp(&b.relative.unwrap_or(0.0)));
         lines.extend(largest.map(|(name, found)| {
             let error = share(found.relative);
@@ -398,7 +410,9 @@ pub fn assess(
                 recommended_step: factor.and_then(|x| recommended_step(&plan.simulation, plan.simulation.step * x)),
                 recording: change(of(&finest), own.values[2]),
                 other_order: value(3),
-                order_matters: order_change.zip(own.relative).is_some_and(|(change, error)| change.abs() > 2.0 * error),
+                order_matters: order_change
+                    .zip(own.relative)
+                    .is_some_and(|(change, error)| change.abs() > limit.max(2.0 * error)),
                 order_change,
                 above_limit,
                 sample_times: (levels.len() > 4).then(|| Assessment::of([0, 4, 5].map(value))),

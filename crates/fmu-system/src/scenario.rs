@@ -61,7 +61,10 @@ fn included(
     let sets = [("parameter_set", &part.parameter_set)];
     for (key, value) in texts.into_iter().chain(sets) {
         if let Some(value) = value {
-            problems.add(value.span(), format!("an included file has no `{key}`; it belongs to the scenario"));
+            problems.add(
+                value.span(),
+                format!("an included file must not have `{key}`: remove it here; only the scenario has it"),
+            );
         }
     }
     if let Some(nested) = part.include.first() {

@@ -430,7 +430,7 @@ fn a_plan_names_what_its_coupling_needs() {
     let loops = multirate();
     let rated = [("S1", "every = 3"), ("S2", "")];
     for (folder, keys, components, message) in [
-        (&able, "", &[("S1", "every = 0"), ("S2", "substeps = -1")][..], "`every` must be at least 1, got 0"),
+        (&able, "", &[("S1", "every = 0"), ("S2", "substeps = -1")][..], "`every` must be from 1 to 1000000, got 0"),
         (&able, "", &[("S1", "every = 2\nsubsteps = 2"), ("S2", "")], "either `every` or `substeps` above 1"),
         (&bare, "", &rated, "`every` is 3, which does not divide the 10 steps of the run, and "),
         (&bare, "", &rated, "does not declare canHandleVariableCommunicationStepSize; choose a divisor"),
@@ -482,7 +482,8 @@ fn what_cannot_be_iterated_is_named() {
     pack(folder.path(), "Plant", ALL, &[], &["x2"], &[("y", 1.0)]);
     let text = scenario("stop = 1.0\nstep = 0.01\niterate = {}", &[S1_FIRST[0], ("Plant", ""), S1_FIRST[1]], "\"x1\"");
     let message = resolved(&folder, &text).unwrap_err();
-    let expected = "`iterate` needs neighbors in the order, but `plant` is among `s1`, `s2`; use `order = \"auto\"`";
+    let expected =
+        "`iterate` needs neighbors in the order, but `plant` lies between `s1`, `s2`; use `order = \"auto\"`";
     assert!(message.contains(expected), "{message}");
 }
 
@@ -640,6 +641,6 @@ fn the_report_on_convergence_knows_which_components_have_a_period() {
     let reports = converge::assess(&plan, &fmus, &recordings, 0.01).unwrap();
     assert_eq!(
         reports[0].notes,
-        ["`controller` updates once per communication step: h, h/2 and h/4 are different systems"]
+        ["`controller` updates once per communication step, so the systems with h, h/2 and h/4 differ"]
     );
 }

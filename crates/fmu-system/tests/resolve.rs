@@ -1342,7 +1342,7 @@ fn mistakes_name_the_included_file() {
     let found = broken(|files| files[1].1 = files[1].1.replace("stop = ", "stopp = "));
     assert!(found.contains("parts/system.toml:2:1: unknown key `stopp`"), "{found}");
     let found = broken(|files| files[1].1.insert_str(0, "title = \"Part\"\n"));
-    assert!(found.contains("parts/system.toml:1:9: an included file has no `title`"), "{found}");
+    assert!(found.contains("parts/system.toml:1:9: an included file must not have `title`"), "{found}");
     let found = broken(|files| files[1].1.insert_str(0, "include = [\"other.toml\"]\n"));
     assert!(found.contains("parts/system.toml:1:12: an included file cannot include others"), "{found}");
     let found = broken(|files| files[0].1 = files[0].1.replace("parts/system.toml", "parts/sytem.toml"));

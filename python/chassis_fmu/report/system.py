@@ -1,22 +1,21 @@
 """The systems of a scenario as pictures: components in order of execution, and the connections between them.
 
-A picture is a matrix (N² chart): components are on its diagonal, and the number in a row and a column is that of the
-connections from the component in the row to the component in the column.
+A picture is a matrix (N² chart): components are on its diagonal, and the number in a row and a column counts the
+connections from the component of the row to the component of the column.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
-from ..files.plan import Component, Connected, Loop, Plan, Wiring
+from ..files.plan import Component, Connected, Loop, Plan, Simulation, Wiring
 from . import tables
 
 # Name and meaning of each time of the values that connections carry, and the distance of its lines from the center
 # (pixels), because lines with different times may be side by side.
 TIMES = {
-    "on_time": ("on time", "the reader gets the value of the time for which it uses it", 0),
+    "on_time": ("on time", "the component uses the value at the time to which it belongs", 0),
     "held": ("held", "the value from the start of a step holds over the step", 4),
     "late": ("late", "a sample arrives one step late", -7),
     "early": ("early", "a sample is taken at the end of a step instead of its start", 7),
@@ -42,12 +41,18 @@ class Bundle:
 class System:
     """The system of one or several cases."""
 
-    times: ClassVar = TIMES
+    held: str
+    """What happens to a value from the start of a step."""
     boxes: tuple[str, ...]
     bundles: tuple[Bundle, ...]
     loops: tuple[Loop, ...]
     rates: tuple[tuple[str, str], ...]
     """Components that do not make one step in each communication step, and how many they make."""
+
+    @property
+    def times(self) -> dict[str, tuple[str, str, int]]:
+        """Name, meaning and distance of each time, see `TIMES`."""
+        return TIMES | {"held": ("held", self.held, TIMES["held"][2])}
 
     @property
     def half(self) -> float:
@@ -83,11 +88,11 @@ def _signal(connected: Connected) -> tuple[str, str]:
 
 
 def _rate(component: Component) -> str:
-    slow = f"one step in {component.every}" if component.every > 1 else ""
-    return f"{component.substeps} steps in one" if component.substeps > 1 else slow
+    slow = f"1 per {component.every}" if component.every > 1 else ""
+    return f"{component.substeps} per 1" if component.substeps > 1 else slow
 
 
-def _system(components: Sequence[Component], wiring: Wiring) -> System:
+def _system(components: Sequence[Component], wiring: Wiring, simulation: Simulation) -> System:
     """Return the system of a case with its components in the order of execution."""
     paths = [f" -> {loop.path} -> " for loop in wiring.loops]
     found: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
@@ -105,7 +110,12 @@ def _system(components: Sequence[Component], wiring: Wiring) -> System:
         boxes = (INPUT_FILE, *boxes)
     keys = sorted(found, key=lambda key: (boxes.index(key[0]), boxes.index(key[1])))
     bundles = tuple(Bundle(*key, tuple(found[key]), key in in_loop) for key in keys)
-    return System(boxes, bundles, wiring.loops, tuple((c.name, _rate(c)) for c in components if _rate(c)))
+    held = TIMES["held"][1]
+    if simulation.extrapolation == "linear":
+        held = "the value from the start of a step is extrapolated over the step"
+    if simulation.iterate:
+        held = "the step is repeated until the value agrees with that of its end"
+    return System(held, boxes, bundles, wiring.loops, tuple((c.name, _rate(c)) for c in components if _rate(c)))
 
 
 def systems(plan: Plan) -> list[tuple[System, list[str]]]:
@@ -114,6 +124,6 @@ def systems(plan: Plan) -> list[tuple[System, list[str]]]:
     found: dict[System, list[str]] = {}
     for wiring in plan.wiring:
         if wiring.case in orders and wiring.inputs:
-            system = _system(orders[wiring.case], wiring)
+            system = _system(orders[wiring.case], wiring, plan.simulation)
             found.setdefault(system, []).append(plan.case_titles[wiring.case])
     return sorted(found.items(), key=lambda item: -sum(len(bundle.signals) for bundle in item[0].bundles))

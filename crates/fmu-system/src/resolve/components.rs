@@ -153,8 +153,11 @@ impl<'a> Resolver<'a> {
         let limit = key.as_ref().map_or(if has_fixed_step { f64::NAN } else { 1e-6 }, |key| **key);
         if !range.contains(&limit) {
             let place = key.as_ref().map(Spanned::span).or(solver_at).unwrap_or_default();
-            let got = if key.is_some() { format!(", got {limit}") } else { ", in s".to_owned() };
-            return fail(place, format!("`{name}` must be from {:e} to {}{got}", range.start(), range.end()), "");
+            let allowed = format!("{:e} to {}", range.start(), range.end());
+            return match key {
+                Some(_) => fail(place, format!("`{name}` must be from {allowed}, got {limit}"), ""),
+                None => fail(place, format!("`runge_kutta` needs `{name}`, in s, from {allowed}"), ""),
+            };
         }
         Some(Some(Solver { method, limit }))
     }

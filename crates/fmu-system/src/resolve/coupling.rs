@@ -25,7 +25,11 @@ impl Resolver<'_> {
             self.problems.add_with_help(place.clone(), "steps in the order \"jacobi\" cannot be repeated", Some(help));
         }
         if let Some(place) = iterate {
-            for group in run.coupled() {
+            let groups = run.coupled();
+            if groups.is_empty() {
+                self.problems.warn(place.clone(), "no continuous components depend on each other: no effect", None);
+            }
+            for group in groups {
                 self.check_group(system, run, &group, (&place, "iterate"), &[SAVE]);
             }
         }
@@ -66,6 +70,10 @@ impl Resolver<'_> {
     fn check_slopes(&mut self, system: &System<'_>, run: &Run, simulation: &Simulation) {
         let Some(key) = self.scenario.simulation.extrapolation.as_ref() else { return };
         let place = key.span();
+        let has_slopes = run.components.iter().flat_map(|own| &own.inputs).any(|wire| wire.is_ramp);
+        if simulation.extrapolation == Extrapolation::Linear && !has_slopes {
+            self.problems.warn(place.clone(), "no input of a continuous component is a line: no effect", None);
+        }
         for (planned, m) in run.components.iter().zip(&system.order) {
             let member = &system.members[*m];
             let has_slope = planned.inputs.iter().any(|wire| wire.is_ramp);
@@ -109,7 +117,7 @@ impl Resolver<'_> {
         if let Some(between) = group.windows(2).find(|pair| pair[0] + 1 != pair[1]).map(|pair| pair[0] + 1) {
             let names: Vec<String> = group.iter().map(|m| format!("`{}`", run.components[*m].name)).collect();
             let (names, other) = (names.join(", "), &run.components[between].name);
-            let message = format!("`{key}` needs neighbors in the order, but `{other}` is among {names}");
+            let message = format!("`{key}` needs neighbors in the order, but `{other}` lies between {names}");
             let help = "use `order = \"auto\"`, or list these components one after the other".to_owned();
             self.problems.set_context(Some(context(system.case, None)));
             self.problems.add_with_help(place.clone(), message, Some(help));

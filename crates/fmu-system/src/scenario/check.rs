@@ -30,6 +30,9 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
     }
 }
 
+/// Largest `every` and `substeps` of a component.
+const MAX_RATE: i64 = 1_000_000;
+
 impl Scenario {
     pub(crate) fn check(&self, problems: &mut Collector) {
         self.check_times(problems);
@@ -43,7 +46,8 @@ impl Scenario {
             problems.add(0..0, "a scenario needs at least one [[component]]");
         }
         if self.cases.is_empty() {
-            problems.add(0..0, "a scenario needs at least one [[case]]");
+            let help = "add [[case]] with `name` and `title`: a variant of the system, also if it is the only one";
+            problems.add_with_help(0..0, "a scenario needs at least one [[case]]", Some(help.to_owned()));
         }
         for (name, span) in self.fmus() {
             if name.trim_matches('.').is_empty() || name.contains(['/', '\\']) || name.ends_with(".fmu") {
@@ -257,8 +261,8 @@ impl Scenario {
     fn check_coupling(&self, problems: &mut Collector) {
         for component in &self.components {
             for (key, rate) in [("every", &component.every), ("substeps", &component.substeps)] {
-                if let Some(rate) = rate.as_ref().filter(|rate| *rate.get_ref() < 1) {
-                    problems.add(rate.span(), format!("`{key}` must be at least 1, got {}", rate.get_ref()));
+                if let Some(rate) = rate.as_ref().filter(|rate| !(1..=MAX_RATE).contains(rate.get_ref())) {
+                    problems.add(rate.span(), format!("`{key}` must be from 1 to {MAX_RATE}, got {}", rate.get_ref()));
                 }
             }
             if let (Some(substeps), true) = (&component.substeps, component.rates().iter().all(|rate| *rate > 1)) {
