@@ -26,8 +26,8 @@ else:
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(
     package["package"]["name"]
-    for path in (ROOT / "examples").glob("*/Cargo.toml")
-    for package in [tomllib.loads(path.read_text(encoding="utf-8"))]
+    for path in (ROOT / "examples").glob("*/src/lib.rs")
+    for package in [tomllib.loads((path.parents[1] / "Cargo.toml").read_text(encoding="utf-8"))]
 )
 
 
