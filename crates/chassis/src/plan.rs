@@ -328,7 +328,7 @@ mod tests {
             loops: Vec::new(),
             discrete: Vec::new(),
         };
-        let sources: Vec<String> = rows(&wiring).into_iter().map(|[.., source]| source).collect();
+        let sources: Vec<String> = rows(&wiring, "").into_iter().map(|[.., source]| source).collect();
         assert_eq!(sources, ["<- law:command", "<- law:command (Real to Boolean: above 0.5)"]);
     }
 }

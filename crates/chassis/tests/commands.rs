@@ -352,7 +352,7 @@ fn the_error_of_the_step_is_estimated() {
     assert!(message(&output.stderr).contains("1 of 1 runs failed"), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("rms is not defined with each step"), "{}", text(&output.stdout));
     for (arguments, problem) in [
-        (&["--limit", "1"][..], "must be a percentage above 0, such as 1%"),
+        (&["--limit", "one"][..], "must be a percentage above 0, such as 1%"),
         (&["--limit=-1%"], "must be a percentage above 0, such as 1%"),
         (&["--engine", "fmpy"], "cannot be used with"),
     ] {

@@ -408,7 +408,7 @@ fn keys_that_do_not_fit_are_rejected() {
         ("Lag", "kind = \"discrete\"", "a component in model exchange must be continuous"),
         ("Lag", "tolerance = 0.0", "`tolerance` must be from 1e-14 to 0.1, got 0"),
         ("Lag", "max_step = 0.1", "this solver has `tolerance`, not `max_step`"),
-        ("Lag", "solver = \"runge_kutta\"", "`max_step` must be from 1e-6 to 1000000, in s"),
+        ("Lag", "solver = \"runge_kutta\"", "`runge_kutta` needs `max_step`, in s, from 1e-6 to 1000000"),
         ("Lag", "solver = \"runge_kutta\"\ntolerance = 1e-6", "this solver has `max_step`, not `tolerance`"),
         ("Lag", "solver = \"euler\"", "unknown word `euler`"),
         ("Decay2", "solver = \"rosenbrock\"", "Decay2.fmu is used for co-simulation"),
