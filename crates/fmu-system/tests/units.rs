@@ -114,6 +114,16 @@ fn units_of_the_same_dimension_are_converted() {
     }
 }
 
+/// Only rad differs between Hz and rad/s, and nothing between deg and rad.
+#[test]
+fn a_factor_between_an_angle_and_a_number_warns() {
+    for (from, to, is_warned) in [("Hz", "rad/s", true), ("deg", "rad", false)] {
+        let plan = plan_of(&fmus(from, to, [false; 2]), 4.0, Some("factor = 6.25")).unwrap();
+        let warned = plan.warnings.iter().any(|warning| warning.contains("the factor alone converts the value"));
+        assert_eq!(warned, is_warned, "{:?}", plan.warnings);
+    }
+}
+
 #[test]
 fn other_units_are_rejected_with_their_definitions() {
     for (from, to, relative, keys, message, help) in [

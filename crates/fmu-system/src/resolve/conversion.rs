@@ -63,10 +63,21 @@ pub(super) fn conversion(
     Ok(Linear { factor: own.factor * of_units.factor, offset: own.factor * of_units.offset + own.offset })
 }
 
+/// The quantities of two ends; `None` if one of them is not known.
+fn quantities(from: Place<'_>, to: Place<'_>) -> Option<[Declared; 2]> {
+    let quantity = |place: Place<'_>| Declared::of(&place.0.found.description, place.1);
+    Some([quantity(from)?, quantity(to)?])
+}
+
+/// Returns true if the units of two ends differ in the exponent of rad only.
+pub(super) fn differ_by_angle(from: Place<'_>, to: Place<'_>) -> bool {
+    let is_angle = |[output, input]: [Declared; 2]| output.conversion_to(&input).is_err_and(|it| it.is_angle);
+    quantities(from, to).is_some_and(is_angle)
+}
+
 /// The conversion between the units of two ends. With a factor of the connection, the exponents of rad may differ.
 fn units(from: Place<'_>, to: Place<'_>, has_factor: bool) -> Result<Linear, (String, Option<String>)> {
-    let quantity = |place: Place<'_>| Declared::of(&place.0.found.description, place.1);
-    let (Some(output), Some(input)) = (quantity(from), quantity(to)) else { return Ok(Linear::IDENTITY) };
+    let Some([output, input]) = quantities(from, to) else { return Ok(Linear::IDENTITY) };
     match output.conversion_to(&input) {
         Err(mismatch) if mismatch.is_angle && has_factor => Ok(Linear::IDENTITY),
         Err(UnitMismatch { words: [is, other], is_angle }) => {

@@ -1,7 +1,7 @@
 //! The wires of a case: the source of each input.
 
 use super::clocks::{ClockConnections, clock_wire};
-use super::conversion::{self, Written, conversion};
+use super::conversion::{self, Written, conversion, differ_by_angle};
 use super::fmus::{Descriptions, fmus_with};
 use super::system::{CaseComponent, Column, Resolver, Source, System, context, replacement};
 use crate::parameter;
@@ -423,6 +423,10 @@ impl<'a> Resolver<'a> {
                 self.problems.add_with_help(connection.to.span(), message, help);
                 Linear::IDENTITY
             });
+            if written.convert && written.factor.is_some() && differ_by_angle(ends(from), ends(to)) {
+                let message = "one unit has an angle that the other lacks: the factor alone converts the value";
+                self.problems.warn(connection.to.span(), message, None);
+            }
             if connections.insert(to, Ok((from, linear))).is_some() {
                 self.problems
                     .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
