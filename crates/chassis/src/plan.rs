@@ -148,7 +148,7 @@ fn coupling(simulation: &Simulation) -> String {
     words.into_iter().map(|word| format!(", {word}")).collect()
 }
 
-/// What happens to a value from the start of a step.
+/// Describes how a connection uses the value from the start of a step.
 fn held(simulation: &Simulation) -> &'static str {
     match (simulation.iterate, simulation.extrapolation) {
         (Some(_), _) => ", iterated",

@@ -122,7 +122,7 @@ impl Arguments {
         match (plan.runs.len(), &self.case, self.realtime) {
             (0, Some(case), _) => {
                 let names: Vec<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
-                Err(miette!(help = format!("the cases are {}", names.join(", ")), "there is no case `{case}`"))
+                Err(miette!(help = format!("choose one of {}", names.join(", ")), "the scenario has no case `{case}`"))
             }
             (runs @ 2.., _, Some(_)) => Err(miette!(
                 help = "choose one with --case and --seeds 1",

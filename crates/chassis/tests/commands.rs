@@ -227,7 +227,7 @@ fn a_run_in_real_time_has_the_same_results() {
 
     for (arguments, problem) in [
         (&["--realtime"][..], "--realtime executes one run, but the scenario has 2 help: choose one with --case"),
-        (&["--case", "sleep"], "there is no case `sleep` help: the cases are steep, flat"),
+        (&["--case", "sleep"], "the scenario has no case `sleep` help: choose one of steep, flat"),
         (&["--realtime", "0"], "must be a number above 0, such as 0.5"),
         (&["--realtime", "--engine", "native"], "cannot be used with"),
     ] {

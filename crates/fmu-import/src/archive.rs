@@ -141,7 +141,7 @@ impl<R: Read + Seek> Archive<R> {
         &self.names
     }
 
-    /// The text of an entry; `None` if there is no entry with this name.
+    /// Reads an entry as text. Returns `None` if the archive does not contain it.
     pub fn text_of(&mut self, name: &str) -> Result<Option<String>, ArchiveError> {
         self.index(name).map(|index| self.text(index, name)).transpose()
     }

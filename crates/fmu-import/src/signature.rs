@@ -35,7 +35,7 @@ pub(crate) struct Signature {
     pub(crate) exchange: Exchange,
 }
 
-/// What the integration of an FMU for model exchange needs.
+/// Variables and capabilities that the integration of an FMU for model exchange uses.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Exchange {
     pub(crate) needs_completed_step: bool,

@@ -33,7 +33,7 @@ const MAX_LISTED: usize = 100;
 /// Length of a line in bytes above which messages do not show it.
 const MAX_LINE: usize = 10_000;
 
-/// What to read from an SSP file, and what to use where it contains nothing.
+/// Options for reading an SSP file, and defaults for values that it does not contain.
 #[derive(Debug, Clone, Default)]
 pub struct Choice {
     /// Name of the structure; by default `SystemStructure`.
@@ -418,9 +418,9 @@ impl<'e> Reader<'_, 'e> {
     fn end(&self, system: usize, element: &'e Element, side: &str) -> Result<Option<End<'e>>, XmlError> {
         let name = element.required(&format!("{side}Connector"))?;
         let of = element.attribute(&format!("{side}Element")).filter(|of| !of.is_empty());
-        let error = |what: String| Err(element.place.error(format!("there is no {what}")));
+        let error = |kind: &str, name: &str| Err(element.place.error(format!("no {kind} is named `{name}`")));
         let Some(at) = of.map_or(Some(system), |of| self.child(system, of)) else {
-            return error(format!("element `{}`", of.unwrap_or_default()));
+            return error("element", of.unwrap_or_default());
         };
         let owner = &self.owners[at];
         let found = match &owner.fmu {
@@ -429,11 +429,11 @@ impl<'e> Reader<'_, 'e> {
             None => owner.connectors.get(name).copied(),
         };
         match found {
-            // What comes into a system is written from the inside of it.
+            // Inside a system, its inputs are sources of connections.
             Some(causality) => {
                 Ok(Some(End { at: (at, name), causality, writes: is_inward(causality) == of.is_none() }))
             }
-            None => error(format!("connector `{name}`")),
+            None => error("connector", name),
         }
     }
 

@@ -563,7 +563,7 @@ pub struct Recording {
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
     pub seconds: f64,
-    /// How a run in real time kept up with the clock.
+    /// Late steps of a run in real time.
     pub real_time: Option<RealTime>,
     /// Numbers of steps under error control.
     pub steps: Option<StepCounts>,

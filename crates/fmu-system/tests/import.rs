@@ -272,7 +272,7 @@ fn all_that_a_scenario_cannot_express_is_reported_together() {
         "20:1: a second element has the name `A`",
         "24:1: a second connection writes `u`",
         "25:1: `u` and `u` both read",
-        "26:1: there is no element `C`",
+        "26:1: no element is named `C`",
         "27:1: `x` cannot write `label`: only a parameter of a system writes a parameter",
         "28:1: `x` cannot write `start`",
         "29:85: IntegerMappingTransformation is not supported",

@@ -365,7 +365,8 @@ fn stiff_equations_need_another_solver() {
     assert!((found - f64::cos(1.0)).abs() < 1e-6, "{found}");
 }
 
-/// x' = -2 x, and + 1 whenever x falls to 0.5; both versions of FMI, by key and because there is no other interface.
+/// x' = -2 x, with a jump of 1 whenever x falls to 0.5. Tests both versions of FMI. The interface is selected by its key
+/// or, without other interfaces, by default.
 #[test]
 fn both_versions_follow_the_closed_form() {
     for fmi in [FmiVersion::V2, FmiVersion::V3] {

@@ -242,7 +242,7 @@ Method: TypeAlias = Literal["dormand_prince", "rosenbrock", "runge_kutta"]
 
 
 class Solver(_Part, frozen=True):
-    """How the states of an FMU for model exchange are integrated."""
+    """Solver for the states of an FMU for model exchange."""
 
     # The method.
     method: Method

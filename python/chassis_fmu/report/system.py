@@ -42,7 +42,7 @@ class System:
     """The system of one or several cases."""
 
     held: str
-    """What happens to a value from the start of a step."""
+    """Describes how a connection uses the value from the start of a step."""
     boxes: tuple[str, ...]
     bundles: tuple[Bundle, ...]
     loops: tuple[Loop, ...]

@@ -26,7 +26,7 @@ const EVENT_ROUNDINGS: f64 = 4.0;
 const STATE_CHANGE: f64 = 6e-6;
 const TIME_CHANGE: f64 = 1e-5;
 
-/// How the states of an FMU for model exchange are integrated.
+/// Solver for the states of an FMU for model exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Solver {
     /// The method.

@@ -1,4 +1,4 @@
-//! What the rates of components, slopes, iteration and error control require of FMUs and of their order.
+//! Checks that FMUs and their order meet the requirements of rates, slopes, iteration and error control.
 
 use super::system::{Resolver, System, context};
 use crate::run::{Extrapolation, Order, Run, Simulation};
