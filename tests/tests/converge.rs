@@ -88,8 +88,8 @@ fn the_error_of_the_main_scenario_is_known() {
             assert_eq!(report["notes"], serde_json::json!([fixed]));
             (None, ["roll_acceleration_rms does not depend on the step", "roll_acceleration_rms 4.81 %"])
         } else {
-            let several = "takes several samples per step with the same inputs; below h = sample_time = 0.001 s the \
-                           result is another";
+            let several = "takes several samples per step with the same inputs; the result differs for h below its \
+                           sample_time, 0.001 s";
             assert_eq!(report["notes"][6], format!("`steering` {several}"));
             (Some(0.0005), ["roll_acceleration_rms changes by 12.6 % as the step goes to 0 (order 1.24)", "0.0005 s"])
         };
