@@ -6,7 +6,7 @@ use fmu_import::archive::platform_of;
 use fmu_import::description::FmiVersion;
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
-use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -69,5 +69,26 @@ fn an_output_clock_at_the_end_of_a_step_activates_the_other_fmu() {
                 assert!((last[row] - time).abs() < 1e-12, "{step} s, {order}, row {row}: {} s", last[row]);
             }
         }
+    }
+}
+
+/// The clocks of an FMU tick at instants of its own; a component that makes fewer or shorter steps would miss them.
+#[test]
+fn components_with_clocks_have_the_rate_of_the_run() {
+    let folder = folder();
+    for key in ["every", "substeps"] {
+        let text = format!(
+            "title = \"Clocks\"\n[simulation]\nstop = 1.0\nstep = 0.1\n[[component]]\nname = \"source\"\nfmu = \
+             \"Crossing\"\n{key} = 2\ninputs = {{ value = 0.0 }}\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n[record]\n\
+             signals = [\"source:count\"]\n"
+        );
+        let source = FmuFolder::new([folder.path()]);
+        let Err(ResolveError::Problems(found)) =
+            resolve_text(Path::new("clocks.toml"), &text, &source, &Options::default())
+        else {
+            panic!("the plan has no mistake")
+        };
+        let message = found.problems[0].to_string();
+        assert!(message.contains(&format!("has clocks, so the component cannot have `{key}`")), "{message}");
     }
 }

@@ -143,6 +143,16 @@ fn only_plain_numbers_convert() {
 }
 
 #[test]
+fn factors_are_for_reals() {
+    let folder = fmus();
+    let text = SCENARIO.replace("to = \"total:flag\"", "to = \"total:flag\"\nfactor = 2.0");
+    let [(message, None)] = &mistakes(&folder, &text, &Options::default())[..] else { panic!("another problem") };
+    let expected = "`reversed:moved` is Boolean, but its target `total:flag` is Real; `factor` and `offset` are for \
+                    connections of Reals";
+    assert_eq!(message, expected);
+}
+
+#[test]
 fn wiring_by_name_does_not_convert() {
     let folder = fmus();
     Build { edits: &[WITHOUT_UNIT], ..Build::new("Ramp", "one", "inverted_by") }.pack(folder.path());

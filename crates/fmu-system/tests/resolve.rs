@@ -1162,6 +1162,11 @@ fn inputs_from_a_file() {
     assert_eq!(vehicle.constants.len(), 1);
     assert_eq!(vehicle.inputs.len(), 3);
 
+    let plan = with("time,driver.speed\n0,10\n1,11\n1,12\n1,13\n2,14\n").unwrap();
+    let rows = "in.csv: several rows are at 1 s; the first is the value before the jump, the last the one after it, those \
+                between are ignored";
+    assert!(plan.warnings.iter().any(|warning| warning.contains(rows)), "{:?}", plan.warnings);
+
     let error = with("time,driver.sped\n0,1\n").unwrap_err().to_string();
     assert!(error.contains("in.csv: no input takes the signal `driver.sped`; did you mean `driver.speed`?"), "{error}");
     let error = with("time,driver.speed\n1,1\n2,1\n").unwrap_err().to_string();

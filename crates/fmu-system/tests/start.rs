@@ -178,6 +178,29 @@ fn the_plan_classifies_the_times_of_connections() {
     }
 }
 
+/// A cycle of 13 components is too long for the search for the best order, one of 12 is not.
+#[test]
+fn long_cycles_keep_their_order() {
+    let folder = TempDir::new().unwrap();
+    let warned = |size: usize| {
+        let signals: Vec<_> = (0..size).map(|k| format!("x{size}_{k}")).collect();
+        let names: Vec<_> = (0..size).map(|k| format!("C{size}_{k}")).collect();
+        for k in 0..size {
+            let [name, input, output] = [&names[k], &signals[k], &signals[(k + 1) % size]];
+            Function { name, input, output, formula: "0.5 * u + 1", dependencies: Some("1") }.pack(folder.path());
+        }
+        // From the last to the first: every connection but one is late.
+        let lower: Vec<_> = names.iter().map(|name| name.to_lowercase()).collect();
+        let components: Vec<_> = (0..size).rev().map(|k| [&*lower[k], &*names[k]]).collect();
+        plan_in(&folder, "auto", &components, &[], &format!("\"{}\"", signals[0])).warnings
+    };
+    assert_eq!(warned(12), <[String; 0]>::default());
+    let warnings = warned(13);
+    let message = "13 components depend on each other in a cycle and keep the order of the scenario";
+    assert!(warnings.len() == 1 && warnings[0].contains(message), "{warnings:?}");
+    assert!(warnings[0].contains("cycles of up to 12 components are ordered automatically"), "{warnings:?}");
+}
+
 /// A cycle of continuous components: any order holds one connection; the first of them begins, and the loop of direct
 /// feedthrough is reported at the start and in each step.
 #[test]
