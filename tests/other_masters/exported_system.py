@@ -188,8 +188,8 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                 )
             )
         columns = tuple(range(len(slots)))
-        # One pass in the order of the components, as in other masters.
-        initialization = tuple(Evaluation((index,)) for index in range(len(components)))
+        # As many passes as components, as in other masters: values reach the end of every chain.
+        initialization = tuple(Evaluation((index,)) for _ in components for index in range(len(components)))
         run = Run(structure.path.stem, "", None, None, tuple(components), initialization, (), len(slots), columns)
         simulation = Simulation(structure.start, structure.stop, structure.step, structure.steps, order, 1)
         times, rows = simulate(
