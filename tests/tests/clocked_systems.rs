@@ -50,6 +50,42 @@ impl Discrete for Source {
 }
 "#;
 
+/// Sum of two inputs.
+const SUM: &str = r#"
+#[derive(Parameters)]
+pub struct Sum {}
+
+#[derive(Inputs)]
+pub struct U {
+    /// First (1)
+    #[var(clock = "trigger")]
+    a: f64,
+    /// Second (1)
+    #[var(clock = "trigger")]
+    b: f64,
+}
+
+#[derive(Outputs)]
+pub struct Y {
+    /// a + b (1)
+    #[var(clock = "trigger")]
+    sum: f64,
+}
+
+/// Sum
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Sum {
+    type Inputs = U;
+    type Outputs = Y;
+
+    /// Adds the inputs
+    #[clock(triggered)]
+    fn trigger(&self, tick: Tick<Self>) {
+        tick.outputs.sum = tick.inputs.a + tick.inputs.b;
+    }
+}
+"#;
+
 /// A function of an input that is evaluated when another FMU ticks.
 const RELAY: &str = r#"
 #[derive(Parameters)]
@@ -272,6 +308,7 @@ fn folder() -> &'static Path {
         let models = [
             ("source", SOURCE),
             ("relay", RELAY),
+            ("sum", SUM),
             ("delay", DELAY),
             ("meeting", MEETING),
             ("sampler", SAMPLER),
@@ -351,11 +388,12 @@ const STEPS: [f64; 4] = [0.1, 0.25, 0.04, 1.0];
 #[test]
 fn an_output_clock_and_its_data_reach_the_other_fmu_at_the_same_tick() {
     let components = ["relay = Relay", "source = Source"];
-    // An output clock, and a clock that ticks at its own times.
-    for clock in ["pulse", "tick"] {
-        let clock = format!("source:{clock} -> relay:trigger");
+    // An output clock, a clock that ticks at its own times, and the clock of the connected variables.
+    for clock in ["source:pulse -> relay:trigger", "source:tick -> relay:trigger", ""] {
+        let connections = [clock, "source:value -> relay:input"];
+        let connections = &connections[usize::from(clock.is_empty())..];
         for (order, step) in ORDERS.into_iter().flat_map(|order| STEPS.map(|step| (order, step))) {
-            let of = run(&scenario(&components, &[&clock, "source:value -> relay:input"], [step, 2.0], order));
+            let of = run(&scenario(&components, connections, [step, 2.0], order));
             let [value, count, sum, output] = ["value", "count", "sum", "output"].map(&of);
             for row in 1..value.len() {
                 let n = ticks(0.1, row as f64 * step);
@@ -586,6 +624,12 @@ fn mistakes_in_connections_of_clocks_are_reported() {
         error.contains("the clock `pulse` of `delay` has several writers: `source:pulse`, `other:pulse`"),
         "{error}"
     );
+
+    // The two inputs of a clock read outputs of two clocks.
+    let several = ["source = Source", "other = Source", "sum = Sum"];
+    let connections = ["source:value -> sum:a", "other:value -> sum:b"];
+    let error = resolved(&scenario(&several, &connections, [0.1, 1.0], "sequential")).expect_err("two clocks");
+    assert!(error.contains("the clock `trigger` of `sum` has several writers: `source:tick`, `other:tick`"), "{error}");
 
     // The plan lists the connection.
     let plan = lines(&["source:pulse -> relay:trigger"]).expect("it is valid");

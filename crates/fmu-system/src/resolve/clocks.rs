@@ -1,12 +1,12 @@
 //! Connections of clocks: the clock that activates each triggered input clock.
 
-use super::system::{CaseComponent, Resolver, System, context};
+use super::system::{CaseComponent, Resolver, Source, System, context};
 use crate::run::ClockWire;
 use crate::scenario::Connection;
 use crate::spanned::Spanned;
 use fmu_import::c_api::Reference;
 use fmu_import::description::{Causality, Clock, IntervalVariability};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// The clocks that connections name, as component and clock, by the component and the reference of the input clock.
 /// `None`: a mistake was reported.
@@ -21,6 +21,16 @@ impl CaseComponent<'_> {
 
 fn is_triggered(clock: &Clock) -> bool {
     clock.interval_variability == IntervalVariability::Triggered
+}
+
+/// Returns true if other components can activate the clock.
+fn is_target(clock: &Clock) -> bool {
+    clock.causality == Causality::Input && is_triggered(clock)
+}
+
+/// Returns true if the clock can activate those of other components.
+fn is_source(clock: &Clock) -> bool {
+    clock.causality != Causality::Local && !is_target(clock)
 }
 
 /// The clock that an end of a connection names, as component and clock.
@@ -49,6 +59,20 @@ pub(super) fn clock_wire(
     }
 }
 
+/// The clocks of the outputs that the inputs of a clock read: a connection of clocked variables carries their clock.
+fn carried(system: &System<'_>, member: &CaseComponent<'_>, clock: Reference) -> BTreeSet<(usize, usize)> {
+    let clocked = member.inputs.iter().filter(|(input, _)| member.variable(*input).clocks.contains(&clock));
+    let clocks = |(_, source): &(usize, Source)| {
+        let Source::Output(from, output) = source else { return Vec::new() };
+        let writer = &system.members[*from];
+        let of = &writer.variable(*output).clocks;
+        let is_source = |clock: &Clock| of.contains(&clock.reference) && is_source(clock);
+        let clocks = writer.found.description.clocks.iter().enumerate().filter(|_| writer.shares_clocks());
+        clocks.filter(|(_, clock)| is_source(clock)).map(|(index, _)| (*from, index)).collect()
+    };
+    clocked.flat_map(clocks).collect()
+}
+
 impl<'a> Resolver<'a> {
     /// Adds the connection of two clocks. Returns false if neither end is a clock.
     pub(super) fn connect_clock(
@@ -64,8 +88,6 @@ impl<'a> Resolver<'a> {
         }
         let clock = |(m, index): (usize, usize)| system.members[m].clock(index);
         let input = to.map(|to| (to.0, clock(to).reference));
-        let is_target = |clock: &Clock| clock.causality == Causality::Input && is_triggered(clock);
-        let is_source = |clock: &Clock| clock.causality != Causality::Local && !is_target(clock);
         let shares = |(m, _): (usize, usize)| system.members[m].shares_clocks();
         let is_valid = from.is_some_and(|from| is_source(clock(from)) && shares(from))
             && to.is_some_and(|to| is_target(clock(to)) && shares(to));
@@ -104,7 +126,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// Finds the clock that activates each triggered input clock: that of a connection, or the only output clock of the
-    /// same name.
+    /// same name, or else the only clock of the outputs that its clocked inputs read.
     pub(super) fn wire_clocks(&mut self, system: &mut System<'a>, connections: &ClockConnections) {
         let outputs: Vec<(usize, usize)> = (system.members.iter().enumerate())
             .filter(|(_, member)| member.shares_clocks())
@@ -129,7 +151,13 @@ impl<'a> Resolver<'a> {
                 };
                 let others = outputs.iter().filter(|from| from.0 != m && member.shares_clocks());
                 let others = others.map(|from| (*from, &system.members[from.0], system.members[from.0].clock(from.1)));
-                let same: Vec<_> = others.clone().filter(|(_, _, other)| is_own(&other.name)).collect();
+                let mut same: Vec<_> = others.clone().filter(|(_, _, other)| is_own(&other.name)).collect();
+                if same.is_empty() && member.shares_clocks() {
+                    let carried = carried(system, member, clock.reference).into_iter();
+                    same = carried
+                        .map(|from| (from, &system.members[from.0], system.members[from.0].clock(from.1)))
+                        .collect();
+                }
                 let list = |ends: &mut dyn Iterator<Item = (_, &CaseComponent<'_>, &Clock)>| {
                     let names = ends.map(|(_, member, clock)| format!("`{}:{}`", member.name(), clock.name));
                     names.collect::<Vec<_>>().join(", ")
