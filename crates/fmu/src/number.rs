@@ -7,6 +7,11 @@ pub(crate) fn text(number: i128) -> String {
     i64::try_from(number).map_or_else(|_| (number as u64).to_string(), |number| number.to_string())
 }
 
+/// The number in a word as text. Formatting `f32` itself needs code that a library does not contain otherwise.
+pub(crate) fn word_text(size: Option<Size>, word: u64) -> String {
+    size.map_or_else(|| f64::from(f32::of(word)).to_string(), |size| text(size.value(word)))
+}
+
 /// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host.
 #[inline]
 pub(crate) const fn is_finite(value: f64) -> bool {
@@ -27,8 +32,6 @@ pub trait Number: Copy {
     fn of(word: u64) -> Self;
     /// The word of the number.
     fn word(self) -> u64;
-    /// The number as text. Formatting `f32` itself needs code that a library does not contain otherwise.
-    fn text(self) -> String;
 }
 
 impl Number for f32 {
@@ -40,9 +43,6 @@ impl Number for f32 {
     #[inline]
     fn word(self) -> u64 {
         self.to_bits().into()
-    }
-    fn text(self) -> String {
-        f64::from(self).to_string()
     }
 }
 
@@ -79,9 +79,6 @@ macro_rules! integers {
             #[inline]
             fn word(self) -> u64 {
                 self as u64
-            }
-            fn text(self) -> String {
-                text(self.into())
             }
         })*
     };

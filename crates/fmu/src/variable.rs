@@ -769,10 +769,7 @@ impl Kind {
     }
     /// A word as text.
     pub(crate) fn text(&self, word: u64) -> String {
-        match self {
-            Self::Integer { size, .. } => number::text(size.value(word)),
-            _ => f32::of(word).text(),
-        }
+        number::word_text(if let Self::Integer { size, .. } = self { Some(*size) } else { None }, word)
     }
     /// Memory for a Binary, with its start value.
     pub(crate) fn buffer(&self) -> Option<Buffer> {

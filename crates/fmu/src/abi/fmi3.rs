@@ -16,7 +16,7 @@ use super::scheduled;
 pub use super::scheduled::{ClockUpdate, Preemption, activate_model_partition};
 use super::updates::{self, Request, Results};
 pub use super::updates::{IntermediateUpdate, get_output_derivatives};
-use super::values::{self, Binaries, List, check_count, elements};
+use super::values::{self, Binaries, List, Numbers, check_count, elements};
 use super::{
     Call, CallResult, Component, Export, Handle, Log, Logger as AnyLogger, Status, call, common, functions, text,
 };
@@ -201,7 +201,8 @@ pub unsafe fn get_number<E: Export, V: Number>(
     values: *mut V,
     value_count: size_t,
 ) -> Status {
-    unsafe { values::get_number::<E, V>(component, function, List { references, count, values, value_count }) }
+    let values = Numbers::new(values);
+    unsafe { values::get_number::<E>(component, function, List { references, count, values, value_count }) }
 }
 
 /// Functions that set numbers other than Float64.
@@ -213,7 +214,8 @@ pub unsafe fn set_number<E: Export, V: Number>(
     values: *const V,
     value_count: size_t,
 ) -> Status {
-    unsafe { values::set_number::<E, V>(component, function, List { references, count, values, value_count }) }
+    let values = Numbers::new(values);
+    unsafe { values::set_number::<E>(component, function, List { references, count, values, value_count }) }
 }
 
 /// fmi3GetBinary.

@@ -3,11 +3,11 @@
 use std::ffi::CStr;
 use std::marker::PhantomData;
 
-use super::c::{c_char, c_int, size_t};
+use super::c::{c_char, c_int, c_void, size_t};
 use super::{Call, CallResult, Component, Export, Handle, Status, call, text, updates};
 use crate::calls::{Function, Version};
 use crate::instance::{CallError, Instance};
-use crate::number::Number;
+use crate::number::{Number, Size};
 use crate::runner::Model;
 
 /// Array arguments of a call. In FMI 2.0, the numbers of values and references are equal.
@@ -139,31 +139,71 @@ pub(super) unsafe fn get_integer<E: Export>(component: Component, list: List<*mu
     unsafe { get_each::<E, _>(component, Function::GetInteger, list, Instance::get_integer) }
 }
 
+/// An array of numbers of one type. Functions of it are not generic, because a library would contain a copy for each
+/// type.
+#[derive(Clone, Copy)]
+pub(super) struct Numbers {
+    array: *mut c_void,
+    is_aligned: bool,
+    width: usize,
+    size: Option<Size>,
+    word: unsafe fn(*const c_void, usize) -> u64,
+    write: unsafe fn(*mut c_void, usize, u64),
+}
+
+impl Numbers {
+    /// An array of the caller, which need not be valid.
+    pub(super) fn new<V: Number>(array: *const V) -> Self {
+        Self {
+            array: array.cast_mut().cast(),
+            is_aligned: array.is_aligned(),
+            width: size_of::<V>(),
+            size: V::SIZE,
+            word: |array, index| unsafe { (*array.cast::<V>().add(index)).word() },
+            write: |array, index, word| unsafe { *array.cast::<V>().add(index) = V::of(word) },
+        }
+    }
+
+    fn check<E: Export>(&self, call: &Call<E>, length: usize) -> CallResult {
+        let is_valid = !self.array.is_null() && self.is_aligned && length <= isize::MAX as usize / self.width;
+        if length == 0 || is_valid {
+            return Ok(());
+        }
+        Err(call.no_array(name_of_values::<E>(), self.array.is_null(), length))
+    }
+}
+
 /// Used only in FMI 3.0.
-pub(super) unsafe fn get_number<E: Export, V: Number>(
-    component: Component,
-    function: Function,
-    list: List<*mut V>,
-) -> Status {
+pub(super) unsafe fn get_number<E: Export>(component: Component, function: Function, list: List<Numbers>) -> Status {
     unsafe {
-        get_each::<E, _>(component, function, list, |instance, reference| instance.get_number(function, reference))
+        call::<E>(component, function, |h, call| {
+            let List { values, value_count, .. } = list;
+            values.check(call, value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), value_count)?;
+            let one = |instance: &mut Instance<_>, reference| instance.get_number(function, values.size, reference);
+            each(instance, references, 0.., one, |index, word| (values.write)(values.array, index, word))
+        })
     }
 }
 
 /// Used only in FMI 2.0.
 pub(super) unsafe fn set_integer<E: Export>(component: Component, list: List<*const c_int>) -> Status {
-    unsafe { set_number::<E, c_int>(component, Function::SetInteger, list) }
+    let List { references, count, values, value_count } = list;
+    let list = List { references, count, values: Numbers::new(values), value_count };
+    unsafe { set_number::<E>(component, Function::SetInteger, list) }
 }
 
 /// Used in both versions of FMI.
-pub(super) unsafe fn set_number<E: Export, V: Number>(
-    component: Component,
-    function: Function,
-    list: List<*const V>,
-) -> Status {
+pub(super) unsafe fn set_number<E: Export>(component: Component, function: Function, list: List<Numbers>) -> Status {
     unsafe {
-        set::<E, _>(component, function, list, |instance, references, values| {
-            instance.set_numbers(function, references, values)
+        call::<E>(component, function, |h, call| {
+            let List { values, value_count, .. } = list;
+            values.check(call, value_count)?;
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), value_count)?;
+            let words = (0..value_count).map(|index| (values.word)(values.array, index));
+            instance.set_numbers(function, values.size, references, words)
         })
     }
 }

@@ -27,20 +27,18 @@ fn type_of(function: Function, version: Version) -> &'static str {
     }
 }
 
-/// Validates a number for a variable.
-fn word_rule<V: Number>(variable: &Variable, value: V) -> Result<(), String> {
+/// Validates the number in a word for a variable.
+fn word_rule(variable: &Variable, word: u64, given: Option<Size>) -> Result<(), String> {
     let kind = &variable.declaration.kind;
-    let word = value.word();
     // In FMI 2.0, the importer may pass an Integer that is not a value of the type, such as -1 for `u64`.
-    let is_same = match (kind, V::SIZE) {
+    let is_same = match (kind, given) {
         (Kind::Integer { size, .. }, Some(given)) => size.value(word) == given.value(word),
         _ => true,
     };
-    if is_same && variable.accepts(word) { Ok(()) } else { Err(word_error(variable, &value.text())) }
+    if is_same && variable.accepts(word) { Ok(()) } else { Err(word_error(variable, &number::word_text(given, word))) }
 }
 
-/// The message for a number that a variable cannot have. Not generic, because a library would contain a copy for each
-/// type.
+/// The message for a number that a variable cannot have.
 #[cold]
 #[inline(never)]
 fn word_error(variable: &Variable, value: &str) -> String {
@@ -198,8 +196,8 @@ impl<M: Model> Instance<M> {
     }
 
     /// Index of the word that stores a number. In FMI 3.0, each function accepts variables of one type only.
-    fn number<V: Number>(&self, function: Function, reference: u32) -> CallResult<usize> {
-        self.other(function, reference, |kind| match (kind, V::SIZE) {
+    fn number(&self, function: Function, size: Option<Size>, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, |kind| match (kind, size) {
             (Kind::Float32(_), size) => size.is_none(),
             (Kind::Integer { .. }, Some(_)) if self.protocol.version == Version::Fmi2 => true,
             (Kind::Integer { is_enumeration: true, .. }, size) => size == Some(Size::Int64),
@@ -222,20 +220,20 @@ impl<M: Model> Instance<M> {
         self.other(function, reference, |kind| matches!(kind, Kind::Binary { .. }))
     }
 
-    /// The functions of FMI 3.0 for numbers other than Float64. Fails if the reference is unknown or the result is not
-    /// finite.
-    pub fn get_number<V: Number>(&mut self, function: Function, reference: u32) -> CallResult<V> {
-        let index = self.readable(function, reference, Self::number::<V>)?;
-        if V::SIZE.is_none() {
+    /// The functions of FMI 3.0 for numbers other than Float64, of a [size](Number::SIZE): returns the word. Fails if the
+    /// reference is unknown or the result is not finite.
+    pub fn get_number(&mut self, function: Function, size: Option<Size>, reference: u32) -> CallResult<u64> {
+        let index = self.readable(function, reference, |this, function, one| this.number(function, size, one))?;
+        if size.is_none() {
             self.float32(function, reference)?;
         }
-        Ok(V::of(self.values.words[index]))
+        Ok(self.values.words[index])
     }
 
     /// fmi2GetInteger. Fails if the reference is unknown or the number does not fit in 32 bits.
     pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
         const FUNCTION: Function = Function::GetInteger;
-        let index = self.readable(FUNCTION, reference, Self::number::<i32>)?;
+        let index = self.readable(FUNCTION, reference, |this, function, one| this.number(function, i32::SIZE, one))?;
         let word = self.values.words[index];
         let Some(Declaration { name, kind: Kind::Integer { size, .. }, .. }) =
             self.layout().by_reference(reference).map(|variable| &variable.declaration)
@@ -393,7 +391,7 @@ impl<M: Model> Instance<M> {
                 }
                 let variable = self.settable(Function::SetReal, reference)?;
                 let name = &variable.declaration.name;
-                word_rule(variable, value as f32)
+                word_rule(variable, (value as f32).word(), None)
                     .map_err(|rule| self.error(Function::SetReal, format_args!("'{name}' {rule}")))?;
                 continue;
             }
@@ -504,16 +502,23 @@ impl<M: Model> Instance<M> {
     /// fmi2SetInteger. Fails like [`Self::set_numbers`].
     #[cfg(feature = "testing")]
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
-        self.set_numbers(Function::SetInteger, references, values)
+        self.set_numbers(Function::SetInteger, i32::SIZE, references, values.iter().map(|value| value.word()))
     }
 
-    /// fmi2SetInteger, and the functions of FMI 3.0 for numbers other than Float64. Fails, without setting anything, if
-    /// a reference is unknown, a variable cannot be set in this mode, or a value is outside its limits.
-    pub fn set_numbers<V: Number>(&mut self, function: Function, references: &[u32], values: &[V]) -> CallResult {
-        let rule = |variable: &Variable, value: &V| word_rule(variable, *value);
-        self.set_others(function, references, values.iter(), Self::number::<V>, rule, |all, index, value| {
-            let old = &mut all.words[index];
-            std::mem::replace(old, value.word()) != value.word()
+    /// fmi2SetInteger, and the functions of FMI 3.0 for numbers other than Float64, of a [size](Number::SIZE). Fails,
+    /// without setting anything, if a reference is unknown, a variable cannot be set in this mode, or a value is outside
+    /// its limits.
+    pub fn set_numbers(
+        &mut self,
+        function: Function,
+        size: Option<Size>,
+        references: &[u32],
+        words: impl Iterator<Item = u64> + Clone,
+    ) -> CallResult {
+        let index = |this: &Self, function, reference| this.number(function, size, reference);
+        let rule = |variable: &Variable, word| word_rule(variable, word, size);
+        self.set_others(function, references, words, index, rule, |all, index, word| {
+            std::mem::replace(&mut all.words[index], word) != word
         })
     }
 

@@ -8,6 +8,7 @@ use fmu::testing::abi::Export;
 use fmu::testing::calls::{Function, Protocol};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::Instance;
+use fmu::testing::number::Number;
 
 use crate::allocations::allocations;
 use crate::models::{Fmu, error_of, exported, reference};
@@ -120,8 +121,8 @@ impl Instance3 {
         ["sum", "previous.sum"].map(|name| self.get(name))
     }
 
-    fn number<N: fmu::testing::number::Number>(&mut self, function: Function, name: &str) -> N {
-        self.0.get_number(function, reference::<Sums3>(name)).unwrap()
+    fn number<N: Number>(&mut self, function: Function, name: &str) -> N {
+        N::of(self.0.get_number(function, N::SIZE, reference::<Sums3>(name)).unwrap())
     }
 
     fn step_from_event(&mut self) {

@@ -8,6 +8,7 @@ use fmu::testing::abi::Export;
 use fmu::testing::calls::{Mode, Protocol};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::{CallError, Instance, Qualifier};
+use fmu::testing::number::Number;
 
 use crate::allocations::allocations;
 use crate::models::{Fmu, error_of, exported, reference};
@@ -138,7 +139,9 @@ impl Clocked {
     }
 
     fn integer(&mut self, name: &str) -> i32 {
-        self.0.get_number(fmu::testing::calls::Function::GetInteger, reference::<Watch3>(name)).unwrap()
+        i32::of(
+            self.0.get_number(fmu::testing::calls::Function::GetInteger, i32::SIZE, reference::<Watch3>(name)).unwrap(),
+        )
     }
 
     /// Ends the event and takes a step.

@@ -9,6 +9,7 @@ use fmu::testing::abi::Export;
 use fmu::testing::calls::{Function, Interface, Interfaces, Protocol};
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::{CallError, Instance, PausingStep, Qualifier};
+use fmu::testing::number::Number;
 
 use crate::allocations::allocations;
 use crate::models::{Fmu, error_of, exported, reference};
@@ -146,7 +147,7 @@ impl<E: Export> Fmu<E> {
     }
 
     fn whole(&mut self, name: &str) -> i32 {
-        self.0.get_number(Function::GetInteger, reference::<E>(name)).unwrap()
+        i32::of(self.0.get_number(Function::GetInteger, i32::SIZE, reference::<E>(name)).unwrap())
     }
 
     fn state(&mut self) -> f64 {

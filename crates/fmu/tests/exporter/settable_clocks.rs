@@ -9,6 +9,7 @@ use fmu::testing::calls::{Function, Protocol};
 use fmu::testing::clocks::Span;
 use fmu::testing::description::{Description, Format};
 use fmu::testing::instance::{CallError, Instance, Qualifier};
+use fmu::testing::number::Number;
 
 use crate::models::{Fmu, error_of, exported, reference};
 
@@ -93,7 +94,7 @@ impl Instance3 {
     }
 
     fn integer(&mut self, name: &str) -> i32 {
-        self.0.get_number(Function::GetInteger, reference::<Rates3>(name)).unwrap()
+        i32::of(self.0.get_number(Function::GetInteger, i32::SIZE, reference::<Rates3>(name)).unwrap())
     }
 
     fn update(&mut self) {
@@ -271,7 +272,7 @@ fn a_timing_that_cannot_be_set_is_an_error() {
     // The words with the timing are not variables.
     let end = Rates3::description().layout.end;
     for unused in (0..end).filter(|reference| Rates3::description().layout.by_reference(*reference).is_none()) {
-        let message = error_of(fmu.0.get_number::<u64>(Function::GetUInt64, unused));
+        let message = error_of(fmu.0.get_number(Function::GetUInt64, u64::SIZE, unused));
         assert!(message.contains("it is no variable"), "{message}");
     }
 }
