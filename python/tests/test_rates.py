@@ -6,6 +6,7 @@ rates); the oscillator without a division into components, by its eigenvalues.
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import zipfile
@@ -168,3 +169,19 @@ def test_a_linear_series_is_followed_to_its_jump(tmp_path: Path, fmus: Path, cap
         assert code == 0, out + capfd.readouterr().err
         files.append((tmp_path / engine / "series" / "runs" / "only.csv").read_bytes())
     assert files[0] == files[1]
+
+
+def test_both_masters_estimate_the_same_coupling_error(tmp_path: Path, fmus: Path) -> None:
+    """Oscillator, S1 first, h = 4 ms: the numbers of cosimulation.md, section 4."""
+    more = '[[metric]]\nname = "x1_rms"\ntitle = "x1"\nkind = "rms"\nsignal = "x1"\n'
+    file = write(tmp_path / "o.toml", "stop = 2.0\nstep = 0.004", {"S1": "", "S2": ""}, '"x1", "force"', more)
+    texts = []
+    for engine in ("native", "fmpy"):
+        out = tmp_path / engine
+        chassis("run", file, "--fmus", fmus, "--engine", engine, "--converge", "--no-page", "--out", out)
+        texts.append((out / "o" / "converge.json").read_text())
+    assert texts[0] == texts[1]
+    (metric,) = json.loads(texts[0])["runs"][0]["metrics"]
+    assert metric["values"] == pytest.approx([0.0467855072, 0.0432679473, 0.0417106402], rel=1e-9)
+    assert (metric["class"], metric["order"]) == ("regular", pytest.approx(1.17552152, rel=1e-8))
+    assert metric["relative"] == pytest.approx(0.134914796, rel=1e-8)

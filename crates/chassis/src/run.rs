@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
 
     /// Master that executes the runs
     #[arg(long, default_value = "native")]
-    engine: Engine,
+    pub(crate) engine: Engine,
 
     /// Folder for results
     ///
@@ -94,7 +94,7 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-enum Engine {
+pub(crate) enum Engine {
     /// The master of this program
     Native,
     /// FMPy, in Python: the same results, more slowly

@@ -209,17 +209,27 @@ impl<'p> Graph<'p> {
     /// Explains for each component whether its sample time limits the effect of the step.
     fn notes(&self, step: f64, metrics: &[MetricReport]) -> Vec<String> {
         let is_longer = |name: &str, time: f64| step * self.every[name] as f64 > time * (1.0 + 1e-9);
-        let note = |(name, time): (&&str, &Option<f64>)| match time {
-            None if self.every[name] > 1 => None,
-            None => {
-                Some(format!("`{name}` updates once per communication step, so the systems with h, h/2 and h/4 differ"))
+        let list = |names: &[&str]| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+        // Components with the same sample time share a note.
+        let mut alike: BTreeMap<Option<u64>, Vec<&str>> = BTreeMap::new();
+        for (name, time) in &self.times {
+            if time.map_or(self.every[name] == 1, |time| is_longer(name, time)) {
+                alike.entry(time.map(f64::to_bits)).or_default().push(name);
             }
-            Some(time) => is_longer(name, *time).then(|| {
-                let rest = format!("the result differs for h below its sample_time, {} s", significant(*time, 6));
-                format!("`{name}` takes several samples per step with the same inputs; {rest}")
-            }),
+        }
+        let note = |(time, names): (Option<u64>, Vec<&str>)| match (time, list(&names), names.len()) {
+            (None, names, n) => {
+                let verb = if n == 1 { "updates" } else { "update" };
+                format!("{names} {verb} once per communication step, so the systems with h, h/2 and h/4 differ")
+            }
+            (Some(time), names, n) => {
+                let (verb, its) = if n == 1 { ("takes", "its") } else { ("take", "their") };
+                let time = significant(f64::from_bits(time), 6);
+                let rest = format!("the result differs for h below {its} sample_time, {time} s");
+                format!("{names} {verb} several samples per step with the same inputs; {rest}")
+            }
         };
-        let mut notes: Vec<String> = self.times.iter().filter_map(note).collect();
+        let mut notes: Vec<String> = alike.into_iter().map(note).collect();
         let mut classes =
             metrics.iter().map(|metric| metric.own.class).filter(|class| *class != Class::Undefined).peekable();
         if classes.peek().is_some() && classes.all(|class| class == Class::Independent) {
@@ -228,8 +238,8 @@ impl<'p> Graph<'p> {
                 time.is_some_and(|time| time.map_or(self.every[source] > 1, |time| !is_longer(source, time)))
             };
             for (plant, sources) in self.plants().filter(|(_, read)| !read.is_empty() && read.iter().all(is_sampled)) {
-                let names: Vec<String> = sources.iter().map(|source| format!("`{source}`")).collect();
-                let fixed = format!("the exchange is fixed by the sample times of {}", names.join(", "));
+                let names: Vec<&str> = sources.iter().copied().collect();
+                let fixed = format!("the exchange is fixed by the sample times of {}", list(&names));
                 notes.push(format!("`{plant}`: {fixed}: a smaller step changes nothing"));
             }
         }
