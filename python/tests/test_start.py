@@ -53,14 +53,18 @@ signals = ["a:y", "b:y"]
 ROOT = math.sqrt(4 + 8 / 27)
 
 
-def build(folder: Path, name: str, value: str, slope: str | None) -> None:
-    """Build an FMU with the output `value`, a function of `u`, and its derivative `slope`."""
+def build(folder: Path, name: str, value: str, slope: str | None, end: str | None = None) -> None:
+    """Build an FMU with the output `value`, a function of `u`, and its derivative `slope`.
+
+    With `end`, the output has this value from the end of the initialization on.
+    """
     library, source = folder / f"{name}.so", folder / f"{name}.c"
     stubs = "\n".join(f"EXPORT int fmi2{function}(void) {{ return 3; }}" for function in MISSING.split())
     source.write_text(f"{SOURCE.read_text()}\n{stubs}\n")
     # The derivative in the source is real[2].
     follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; }}"
-    macros = [f"-DFOLLOW={follow}", f"-DEXIT={follow}", f"-DSTEP={{ {follow} return 0; }}"]
+    last = follow if end is None else f"i->v.real[1] = {end}"
+    macros = [f"-DFOLLOW={follow}", f"-DEXIT={last}", f"-DSTEP={{ {follow} return 0; }}"]
     options = ["-shared", "-fPIC", "-ffp-contract=off", "-DSTATES", '-DVERSION="2.0"', f'-DGUID="{name}"', *macros]
     subprocess.run(["cc", *options, "-o", library, source], check=True)
     with zipfile.ZipFile(folder / f"{name}.fmu", "w") as file:
@@ -108,3 +112,19 @@ def test_a_loop_without_a_solution_is_named(engine: str, tmp_path: Path, capfd: 
     found = unwrapped(out + capfd.readouterr().err)
     assert "the algebraic loop at the start has no solution (singular Jacobian); residual 1 after 5" in found
     assert "a:y -> b:u -> b:y -> a:u" in found
+
+
+@pytest.mark.parametrize("engine", ["native", "fmpy"])
+@pytest.mark.parametrize(("end", "is_named"), [("3.0", True), ("2.5000001", False)])
+def test_a_change_at_the_end_of_initialization_is_a_warning(
+    engine: str, end: str, is_named: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The limit is 1e-6 of the value."""
+    build(tmp_path, "A", "2.5", None, end)
+    build(tmp_path, "B", "u", None)
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(SCENARIO)
+    code, out = chassis("run", scenario, "--engine", engine, "--fmus", tmp_path, "--out", tmp_path / "out", "--no-page")
+    assert code == 0
+    found = unwrapped(out + capfd.readouterr().err)
+    assert ("output `y` changes from 2.5 to 3.0 at the end of initialization" in found) == is_named

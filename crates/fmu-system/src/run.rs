@@ -559,7 +559,7 @@ pub struct Recording {
     pub columns: Vec<Option<Vec<f64>>>,
     /// By column, the values that a double cannot represent: those of Int64, UInt64 and Binary.
     pub exact: BTreeMap<usize, Exact>,
-    /// Warnings that components logged during a successful run, with the name of the component.
+    /// Warnings of a successful run about its start and those that components logged, with the name of the component.
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
     pub seconds: f64,

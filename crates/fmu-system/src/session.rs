@@ -442,7 +442,8 @@ pub struct Session {
     /// Steps that are done.
     step: u64,
     board: Option<&'static Board>,
-    /// Messages from the call with which an FMU ended the simulation, with the name of the component.
+    /// A warning about the start, and messages from the call with which an FMU ended the simulation, with the name of
+    /// the component.
     pub(crate) logged: Vec<(String, Message)>,
 }
 
@@ -611,7 +612,8 @@ impl Session {
         self.step += 1;
         self.check_bus(self.time())?;
         let Some((_, error)) = ended else { return Ok(()) };
-        self.logged = error.messages.iter().map(|message| (error.instance.clone(), message.clone())).collect();
+        let messages = error.messages.iter().map(|message| (error.instance.clone(), message.clone()));
+        self.logged.extend(messages);
         Err(self.failed(Some(self.time()), error))
     }
 
@@ -684,7 +686,7 @@ impl Session {
         freed.map_err(|error| self.failed(Some(self.time()), error))
     }
 
-    /// Ends the run. Returns the warnings that components logged during a successful run, with the component's name.
+    /// Ends the run. Returns the warnings of a successful run, with the component's name.
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`.
@@ -693,7 +695,7 @@ impl Session {
         if let Some(board) = self.board {
             board.step(time, self.step);
         }
-        let mut logged = Vec::new();
+        let mut logged = std::mem::take(&mut self.logged);
         for member in &mut self.members {
             member.instance.terminate().map_err(|error| Failure::of(&self.run, Some(time), error))?;
             let messages = member.instance.take_messages();
@@ -710,7 +712,7 @@ impl Session {
 
     /// From instantiation to the end of initialization; see the top of this file.
     fn initialize(&mut self, run: &Run) -> Result<(), FmusError> {
-        let Self { simulation, members, clocked, bus, feeder, overwritten, .. } = self;
+        let Self { simulation, members, clocked, bus, feeder, overwritten, logged, .. } = self;
         for member in members.iter_mut() {
             member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
         }
@@ -738,6 +740,7 @@ impl Session {
                 Some(equations) => start::solve(equations, components, members, bus)?,
             }
         }
+        let before = bus.numbers.clone();
         for member in members.iter_mut() {
             member.instance.exit_initialization_mode()?;
         }
@@ -746,6 +749,7 @@ impl Session {
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }
+        logged.extend(start::change(run, members, &before, &bus.numbers));
         Ok(())
     }
 

@@ -140,6 +140,30 @@ fn a_loop_without_a_solution_is_named() {
     }
 }
 
+/// A warning names the first output that an input reads and that changes by more than 1e-6 of its value when
+/// Initialization Mode ends. `before` and `after` are the values around that call.
+#[test]
+fn a_change_at_the_end_of_initialization_is_a_warning() {
+    let folder = TempDir::new().unwrap();
+    Function { name: "Reader", input: "y", output: "z", formula: "u", dependencies: Some("1") }.pack(folder.path());
+    let messages = |before: f64, after: f64, components: &[[&str; 2]]| -> Vec<String> {
+        let defects = [format!("FOLLOW=i->v.real[1]={before:?}"), format!("EXIT=i->v.real[1]={after:?}")];
+        let defects = defects.each_ref().map(String::as_str);
+        Build { defects: &defects, ..Build::new("Source", "free", "y") }.pack(folder.path());
+        let plan = plan(&folder, components, &[], "\"source:y\"");
+        let fmus = Fmus::load(&plan.runs).unwrap();
+        let session = Session::new(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+        session.terminate().unwrap().into_iter().map(|(component, message)| component + ": " + &message.text).collect()
+    };
+    let both = [["reader", "Reader"], ["source", "Source"]];
+    let expected = "source: output `y` changes from 2.5 to 3.0 at the end of initialization; the inputs that read it \
+                    were initialized with the first value";
+    assert_eq!(messages(2.5, 3.0, &both), [expected]);
+    let none: [&str; 0] = [];
+    assert_eq!(messages(2.5, 2.5 * (1.0 + 0.9e-6), &both), none);
+    assert_eq!(messages(2.5, 3.0, &both[1..]), none);
+}
+
 fn timings(plan: &Plan) -> Vec<(&str, Timing)> {
     let of = |input: &'_ fmu_system::plan::Connected| input.timing;
     plan.wiring[0].inputs.iter().filter_map(|input| Some((input.input.variable.as_str(), of(input)?))).collect()

@@ -34,7 +34,7 @@ from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting,
 from . import calls, clocks, fmi3, rates
 from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
-from .start import evaluate, solve
+from .start import change, evaluate, solve
 
 OK = 0
 WARNING = 1
@@ -634,12 +634,16 @@ def simulate(
             except _native.NoSolutionError as error:
                 text = f"the algebraic loop at the start {error}: {part.equations.path}; {HELP_LOOP}"
                 raise RunError(of_part[0].component.name, "initialization", None, text) from None
+        before = bus.copy()
         for slave in slaves:
             slave.end_initialization(start)
         for group in groups:
             group.event(start, None)
         for slave in slaves:
             slave.read(start)
+        changed = change(slaves, before, bus)
+        if changed is not None:
+            _note(changed[0], WARNING, None, changed[1])
         finite(start, "initialization")
         record(0, start)
 

@@ -24,6 +24,19 @@ def evaluate(slaves: Sequence[Slave], time: float) -> None:
         slave.read(time)
 
 
+def change(slaves: Sequence[Slave], before: Array, after: Array) -> tuple[str, str] | None:
+    """Return the component and a warning of the first connected output that the end of initialization changes."""
+    inputs = {wire.slot for slave in slaves for wire in slave.component.inputs}
+    for slave in slaves:
+        for wire in () if slave.clocks else slave.component.outputs:
+            old, new = float(before[wire.slot]), float(after[wire.slot])
+            limit = 1e-6 * max(abs(new), wire.nominal or 1.0) if wire.type == "Real" else 0.0
+            if abs(new - old) > limit and wire.slot in inputs:
+                text = f"output `{wire.name}` changes from {old} to {new} at the end of initialization"
+                return slave.component.name, f"{text}; the inputs that read it were initialized with the first value"
+    return None
+
+
 class _Values:
     """The values of some slots."""
 

@@ -3,9 +3,10 @@
 use super::{Bus, Component};
 use crate::algebraic::{self, Equations, Unsolved};
 use crate::fmus::FmusError;
-use crate::run::AlgebraicLoop;
+use crate::run::{AlgebraicLoop, Run, Wire};
 use fmu_import::c_api::Reference;
-use fmu_import::loader::CallError;
+use fmu_import::description::BaseType;
+use fmu_import::loader::{CallError, Message, Status};
 
 /// Maximum number of rounds until the signals that are not Real no longer change.
 const ROUNDS: usize = 10;
@@ -14,6 +15,27 @@ const ROUNDS: usize = 10;
 pub(super) fn evaluate(components: &[usize], members: &mut [Component], bus: &mut Bus) -> Result<(), CallError> {
     components.iter().try_for_each(|index| members[*index].set_inputs(bus))?;
     components.iter().try_for_each(|index| members[*index].read_outputs(bus))
+}
+
+/// Warns of the first connected output that the end of initialization changes by more than 1e-6 of its value or nominal
+/// value: the inputs that read it were initialized with the earlier value. Clocks may change outputs then.
+pub(super) fn change(run: &Run, members: &[Component], before: &[f64], after: &[f64]) -> Option<(String, Message)> {
+    let inputs = || run.components.iter().flat_map(|component| &component.inputs);
+    let is_changed = |wire: &&Wire| {
+        let (old, new) = (before[wire.slot], after[wire.slot]);
+        let is_real = wire.base_type == BaseType::Real;
+        let limit = if is_real { 1e-6 * new.abs().max(wire.nominal.unwrap_or(1.0)) } else { 0.0 };
+        (new - old).abs() > limit && inputs().any(|input| input.slot == wire.slot)
+    };
+    let mut unclocked = run.components.iter().zip(members).filter(|(_, member)| !member.instance.has_clocks());
+    let (component, Wire { name, slot, .. }) =
+        unclocked.find_map(|(own, _)| Some((own.name.clone(), own.outputs.iter().find(is_changed)?)))?;
+    let text = format!(
+        "output `{name}` changes from {:?} to {:?} at the end of initialization; the inputs that read it were \
+         initialized with the first value",
+        before[*slot], after[*slot]
+    );
+    Some((component, Message { status: Status::Warning, category: String::new(), text }))
 }
 
 /// Solves an algebraic loop. Signals that are not Real are held while the equations are solved, until nothing changes.
