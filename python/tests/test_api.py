@@ -462,6 +462,21 @@ def test_masters_and_other_values_start_steady(
     assert slower[0] < rolls[0]
 
 
+def test_a_steady_state_is_that_of_the_converted_inputs(tmp_path: Path) -> None:
+    """A connection with a factor gives the steering angle; the reference is the steady state for the angle itself."""
+    file = tmp_path / "turn.toml"
+    connection = """[[connection]]
+from = "driver:driver.speed"
+to = "plant:steer.front"
+factor = 0.001
+convert = false
+[[case]]"""
+    file.write_text(STEADY.replace('"steer.front" = 0.02\n', "").replace("[[case]]", connection), encoding="utf-8")
+    rolls = np.asarray(cf.Scenario(file, fmus=[cf.fmus()["RescueVehicle"].parent]).simulate()["body.roll"])
+    steady = cf.trim("RescueVehicle", {"driver.speed": 14.0, "steer.front": 0.014})
+    np.testing.assert_allclose(rolls, steady.states["body.roll"], rtol=0.0, atol=1e-10)
+
+
 STEADY = """
 title = "Turn"
 reference = "None: a test."

@@ -98,7 +98,7 @@ fn start(
         .filter_map(|setting| Some((description.index(&setting.name)?, setting.value.clone())))
         .collect();
     for wire in &component.inputs {
-        let value = bus[wire.slot];
+        let value = wire.conversion.map_or(bus[wire.slot], |conversion| conversion.of(bus[wire.slot]));
         let of_wire = variables.clone().find(|(_, variable)| {
             variable.causality == Causality::Input
                 && variable.reference == wire.reference
