@@ -161,7 +161,7 @@ fn held(simulation: &Simulation) -> &'static str {
 fn timings(wiring: &Wiring) -> Option<String> {
     let count = |wanted: Timing| wiring.inputs.iter().filter(|input| input.timing == Some(wanted)).count();
     let [on_time, held, late, early] = [Timing::OnTime, Timing::Held, Timing::Late, Timing::Early].map(count);
-    let text = format!("{} on time, {held} held, {late} late, {early} early", counted(on_time, "connection"));
+    let text = format!("{} on time, {held} held, {late} late, {early} early", counted(on_time, "wire"));
     (on_time + held + late + early > 0).then_some(text)
 }
 
