@@ -5,7 +5,12 @@ use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 
-create_exception!(chassis_fmu._native, NoSolutionError, PyException, "An algebraic loop without a solution.");
+create_exception!(
+    chassis_fmu._native,
+    NoSolutionError,
+    PyException,
+    "An algebraic loop without a solution: problem, details."
+);
 
 struct Functions<'py> {
     evaluate: Bound<'py, PyAny>,
@@ -35,6 +40,8 @@ pub(crate) fn solve<'py>(
 ) -> PyResult<Vec<f64>> {
     algebraic::solve(&mut Functions { evaluate, derivatives }, &start, &nominal).map_err(|error| match error {
         Unsolved::Evaluation(error) => error,
-        other => NoSolutionError::new_err(format!("has {other}")),
+        Unsolved::NoSolution { reason, detail } => {
+            NoSolutionError::new_err((format!("has no solution ({reason})"), detail))
+        }
     })
 }

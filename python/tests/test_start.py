@@ -19,10 +19,14 @@ DESCRIPTION = """<?xml version="1.0"?>
 <ModelVariables>
 <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
 <ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
-</ModelVariables>
-<ModelStructure><Outputs><Unknown index="2" dependencies="1"/></Outputs>
-<InitialUnknowns><Unknown index="2" dependencies="1"/></InitialUnknowns></ModelStructure>
+{boolean}</ModelVariables>
+<ModelStructure><Outputs><Unknown index="2" dependencies="{inputs}"/></Outputs>
+<InitialUnknowns><Unknown index="2" dependencies="{inputs}"/></InitialUnknowns></ModelStructure>
 </fmiModelDescription>
+"""
+
+BOOLEAN = """<ScalarVariable name="b" valueReference="0" causality="input" variability="discrete">
+<Boolean start="false"/></ScalarVariable>
 """
 
 SCENARIO = """title = "Loop"
@@ -48,15 +52,27 @@ title = "Only"
 signals = ["a:y", "b:y"]
 """
 
+# Besides `u`, the component b reads `y` as a Boolean.
+WITH_BOOLEAN = SCENARIO.replace(
+    "[[case]]",
+    """[[connection]]
+from = "a:y"
+to = "b:b"
+[[case]]""",
+)
+
 
 # u^3 + 2 u - 4 = 0.
 ROOT = math.sqrt(4 + 8 / 27)
 
 
-def build(folder: Path, name: str, value: str, slope: str | None, end: str | None = None) -> None:
+def build(
+    folder: Path, name: str, value: str, slope: str | None, end: str | None = None, has_boolean: bool = False
+) -> None:
     """Build an FMU with the output `value`, a function of `u`, and its derivative `slope`.
 
-    With `end`, the output has this value from the end of the initialization on.
+    With `end`, the output has this value from the end of the initialization on. With `has_boolean`, the FMU has the
+    input `b`, which formulas have as BOOLEAN.
     """
     library, source = folder / f"{name}.so", folder / f"{name}.c"
     stubs = "\n".join(f"EXPORT int fmi2{function}(void) {{ return 3; }}" for function in MISSING.split())
@@ -65,10 +81,13 @@ def build(folder: Path, name: str, value: str, slope: str | None, end: str | Non
     follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; }}"
     last = follow if end is None else f"i->v.real[1] = {end}"
     macros = [f"-DFOLLOW={follow}", f"-DEXIT={last}", f"-DSTEP={{ {follow} return 0; }}"]
+    macros.append("-DBOOLEAN=i->v.boolean[0]")
     options = ["-shared", "-fPIC", "-ffp-contract=off", "-DSTATES", '-DVERSION="2.0"', f'-DGUID="{name}"', *macros]
     subprocess.run(["cc", *options, "-o", library, source], check=True)
     with zipfile.ZipFile(folder / f"{name}.fmu", "w") as file:
-        text = DESCRIPTION.format(name=name, derivatives="false" if slope is None else "true")
+        boolean, inputs = (BOOLEAN, "1 3") if has_boolean else ("", "1")
+        derivatives = "false" if slope is None else "true"
+        text = DESCRIPTION.format(name=name, derivatives=derivatives, boolean=boolean, inputs=inputs)
         file.writestr("modelDescription.xml", text)
         file.write(library, f"binaries/{fmpy.platform}/{name}.so")
 
@@ -101,17 +120,58 @@ def test_both_masters_solve_a_loop_with_the_same_bits(
     assert [float(cell) for cell in rows[1].split(",")] == pytest.approx([0.0, expected, expected], rel=1e-8)
 
 
+@pytest.mark.parametrize("slope", ["0.25", None])
+def test_both_masters_convert_in_a_loop(
+    slope: str | None, tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
+) -> None:
+    """The equations are y = 0.25 z + 1, z = 2 y + 1."""
+    build(tmp_path, "A", "0.25 * u + 1", slope)
+    build(tmp_path, "B", "u", None if slope is None else "1")
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(SCENARIO.replace('to = "b:u"', 'to = "b:u"\nfactor = 2.0\noffset = 1.0'))
+    rows = run_by_both_masters(scenario, tmp_path).read_text().splitlines()
+    assert [float(cell) for cell in rows[1].split(",")] == pytest.approx([0.0, 2.5, 6.0], rel=1e-8)
+
+
+def test_both_masters_solve_a_loop_with_a_boolean(
+    tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
+) -> None:
+    """The equations are y = 0.5 z + 0.4, z = y + (1 if y > 0.5 else 0); the Boolean is first false, with y = 0.8."""
+    build(tmp_path, "A", "0.5 * u + 0.4", None)
+    build(tmp_path, "B", "u + BOOLEAN", None, has_boolean=True)
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(WITH_BOOLEAN)
+    rows = run_by_both_masters(scenario, tmp_path).read_text().splitlines()
+    assert [float(cell) for cell in rows[1].split(",")] == pytest.approx([0.0, 1.8, 2.8], rel=1e-8)
+
+
 @pytest.mark.parametrize("engine", ["native", "fmpy"])
-def test_a_loop_without_a_solution_is_named(engine: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    build(tmp_path, "A", "u + 1", "1")
+def test_a_loop_that_does_not_settle_is_named(engine: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The equations are y = z, z = 0 if y > 0.5 else 1."""
+    build(tmp_path, "A", "u", None)
+    build(tmp_path, "B", "!BOOLEAN", None, has_boolean=True)
+    scenario = tmp_path / "loop.toml"
+    scenario.write_text(WITH_BOOLEAN)
+    code, out = chassis("run", scenario, "--engine", engine, "--fmus", tmp_path, "--out", tmp_path / "out", "--no-page")
+    assert code == 1
+    found = unwrapped(out + capfd.readouterr().err)
+    assert "does not settle: a:y -> b:u -> b:y -> a:u; signals that are not Real change in each of 10 rounds" in found
+
+
+@pytest.mark.parametrize("engine", ["native", "fmpy"])
+@pytest.mark.parametrize(("value", "residual"), [("u + 1", "residual 1"), ("0 * u / 0", "values that are not finite")])
+def test_a_loop_without_a_solution_is_named(
+    engine: str, value: str, residual: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    build(tmp_path, "A", value, "1")
     build(tmp_path, "B", "u", "1")
     scenario = tmp_path / "loop.toml"
     scenario.write_text(SCENARIO)
     code, out = chassis("run", scenario, "--engine", engine, "--fmus", tmp_path, "--out", tmp_path / "out", "--no-page")
     assert code == 1
     found = unwrapped(out + capfd.readouterr().err)
-    assert "the algebraic loop at the start has no solution (singular Jacobian); residual 1 after 5" in found
-    assert "a:y -> b:u -> b:y -> a:u" in found
+    expected = "the algebraic loop at the start has no solution (singular Jacobian): a:y -> b:u -> b:y -> a:u; "
+    assert f"{expected}{residual} after 5 fixed-point iterations; break it with a delay" in found
 
 
 @pytest.mark.parametrize("engine", ["native", "fmpy"])

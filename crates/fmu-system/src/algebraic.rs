@@ -3,6 +3,8 @@
 //! Fixed-point iteration comes first, because it ends loops that exist only where an FMU does not declare on which
 //! inputs its outputs depend. All others are solved with Newton's method.
 
+use crate::typography::significant;
+use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{DMatrix, DVector};
 
 /// Largest residual of a solution, relative to the larger one of value and nominal value.
@@ -12,9 +14,13 @@ const TOLERANCE: f64 = 1e-9;
 const MAX_CONDITION: [f64; 2] = [1e12, 1e10];
 /// Step of central differences, relative to the larger one of value and nominal value.
 const DIFFERENCE: f64 = 1e-6;
+/// Assumed rounding errors of G, relative to its values.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 const FIXED_POINT_ITERATIONS: usize = 5;
 const NEWTON_ITERATIONS: usize = 50;
 const HALVINGS: i32 = 8;
+/// Maximum number of unknowns.
+pub(crate) const MAX_UNKNOWNS: usize = 1000;
 
 /// The equations z = G(z).
 pub trait Equations {
@@ -38,14 +44,12 @@ pub trait Equations {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Unsolved<E> {
     /// No solution was found.
-    #[error("no solution ({reason}); residual {residual} after {iterations} fixed-point iterations")]
+    #[error("has no solution ({reason}): {detail}")]
     NoSolution {
         /// `singular Jacobian` or `no convergence`.
         reason: &'static str,
-        /// Largest residual in nominal values after the fixed-point iteration.
-        residual: f64,
-        /// Number of fixed-point iterations.
-        iterations: usize,
+        /// Largest residual in nominal values after the fixed-point iteration, in words.
+        detail: String,
     },
     /// The equations could not be evaluated.
     #[error(transparent)]
@@ -53,19 +57,20 @@ pub enum Unsolved<E> {
 }
 
 /// Returns the solution that is reached from `start`: a fixed-point iteration, then Newton's method with a step that is
-/// halved until the residual falls. `nominal` has the magnitudes of the unknowns, above 0.
+/// halved until the residual falls. A last step follows a solution by Newton's method, because the error can be larger
+/// than the residual. `nominal` has the magnitudes of the unknowns, above 0.
 ///
 /// # Errors
 /// The iteration does not converge, the Jacobian is singular, or the equations cannot be evaluated.
 pub fn solve<S: Equations>(equations: &mut S, start: &[f64], nominal: &[f64]) -> Result<Vec<f64>, Unsolved<S::Error>> {
-    let scale = |z: &[f64], i: usize| z[i].abs().max(nominal[i]);
-    let largest = |g: &[f64], z: &[f64], scale: &dyn Fn(usize) -> f64| {
+    let scales = |z: &[f64]| -> Vec<f64> { z.iter().zip(nominal).map(|(z, nominal)| z.abs().max(*nominal)).collect() };
+    let largest = |g: &[f64], z: &[f64], scale: &[f64]| {
         (0..z.len())
-            .map(|i| (g[i] - z[i]).abs() / scale(i))
+            .map(|i| (g[i] - z[i]).abs() / scale[i])
             .fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a })
     };
-    let is_solved = |g: &[f64], z: &[f64]| largest(g, z, &|i| scale(z, i)) <= TOLERANCE;
-    let residual = |g: &[f64], z: &[f64]| largest(g, z, &|i| nominal[i]);
+    let is_solved = |g: &[f64], z: &[f64]| largest(g, z, &scales(z)) <= TOLERANCE;
+    let residual = |g: &[f64], z: &[f64]| largest(g, z, nominal);
 
     let mut z = start.to_vec();
     let mut remaining = f64::NAN;
@@ -77,46 +82,80 @@ pub fn solve<S: Equations>(equations: &mut S, start: &[f64], nominal: &[f64]) ->
         remaining = residual(&g, &z);
         z = g;
     }
-    let none = |reason| Unsolved::NoSolution { reason, residual: remaining, iterations: FIXED_POINT_ITERATIONS };
-    let singular = || none("singular Jacobian");
 
     z = start.to_vec();
     let mut g = equations.evaluate(&z)?;
-    for iteration in 0..NEWTON_ITERATIONS {
-        if is_solved(&g, &z) {
+    // Rounding errors can make a singular Jacobian invertible. Its steps lead far away, where the residual is small
+    // relative to the values, so that the end of the iteration is a solution only if a Jacobian was regular.
+    let mut is_regular = false;
+    for _ in 0..=NEWTON_ITERATIONS {
+        let (is_solved, before) = (is_solved(&g, &z), residual(&g, &z));
+        if before == 0.0 {
             return Ok(z);
         }
-        let (columns, condition) = match equations.derivatives()? {
-            Some(columns) => (columns, MAX_CONDITION[0]),
-            None => (differences(equations, &z, |i| DIFFERENCE * scale(&z, i))?, MAX_CONDITION[1]),
-        };
-        let size = z.len();
-        let matrix = DMatrix::from_fn(size, size, |i, j| f64::from(u8::from(i == j)) - columns[j][i]);
-        let defect = DVector::from_fn(size, |i, _| g[i] - z[i]);
-        if !matrix.iter().chain(defect.iter()).all(|value| value.is_finite()) {
-            return Err(singular());
-        }
-        let decomposed = matrix.svd(true, true);
-        let (most, least) = (decomposed.singular_values.max(), decomposed.singular_values.min());
-        if least * condition <= most {
-            // Later on, the iteration has come to a point from which the residual does not fall.
-            return Err(if iteration == 0 { singular() } else { none("no convergence") });
-        }
-        let Ok(change) = decomposed.solve(&defect, 0.0) else { return Err(singular()) };
-        let before = residual(&g, &z);
         let mut trial = None;
-        for halving in 0..=HALVINGS {
-            let next: Vec<f64> = (0..size).map(|i| z[i] + change[i] * 0.5_f64.powi(halving)).collect();
-            let found = equations.evaluate(&next)?;
-            if residual(&found, &next) < before {
-                trial = Some((next, found));
-                break;
+        if let Some((step, is_certain)) = newton_step(equations, &z, &g, &scales(&z))? {
+            is_regular |= is_certain;
+            for halving in 0..=HALVINGS {
+                let next: Vec<f64> = z.iter().zip(&step).map(|(z, step)| z + step * 0.5_f64.powi(halving)).collect();
+                let found = equations.evaluate(&next)?;
+                if residual(&found, &next) < before {
+                    trial = Some((next, found));
+                    break;
+                }
             }
         }
-        let Some(better) = trial else { return Err(none("no convergence")) };
-        (z, g) = better;
+        match trial {
+            better if is_solved && is_regular => return Ok(better.map_or(z, |(next, _)| next)),
+            Some(better) => (z, g) = better,
+            None => break,
+        }
     }
-    if is_solved(&g, &z) { Ok(z) } else { Err(none("no convergence")) }
+    let reason = if is_regular { "no convergence" } else { "singular Jacobian" };
+    let found = match remaining.is_finite() {
+        true => format!("residual {}", significant(remaining, 6)),
+        false => "values that are not finite".to_owned(),
+    };
+    Err(Unsolved::NoSolution {
+        reason,
+        detail: format!("{found} after {FIXED_POINT_ITERATIONS} fixed-point iterations"),
+    })
+}
+
+/// Returns the step of Newton's method, and true if the rounding errors of the Jacobian do not make it singular; `None`
+/// for a singular Jacobian. The result does not depend on the units of the unknowns.
+fn newton_step<S: Equations>(
+    equations: &mut S,
+    z: &[f64],
+    g: &[f64],
+    scale: &[f64],
+) -> Result<Option<(Vec<f64>, bool)>, S::Error> {
+    let derivatives = equations.derivatives()?;
+    let (max_condition, epsilon) = match derivatives {
+        Some(_) => (MAX_CONDITION[0], 0.0),
+        None => (MAX_CONDITION[1], ROUNDING),
+    };
+    let columns = match derivatives {
+        Some(columns) => columns,
+        None => differences(equations, z, |i| DIFFERENCE * scale[i])?,
+    };
+    let size = z.len();
+    let entry = |i: usize, j: usize| (f64::from(u8::from(i == j)) - columns[j][i]) * scale[j] / scale[i];
+    let mut matrix = DMatrix::from_fn(size, size, entry);
+    let defect = DVector::from_fn(size, |i, _| (g[i] - z[i]) / scale[i]);
+    if !(matrix.norm_squared() + defect.norm_squared()).is_finite() {
+        return Ok(None);
+    }
+    let balance = balance_parlett_reinsch(&mut matrix);
+    let decomposed = matrix.svd(true, true);
+    let (most, least) = (decomposed.singular_values.max(), decomposed.singular_values.min());
+    if least * max_condition <= most {
+        return Ok(None);
+    }
+    let rounding = DVector::from_fn(size, |i, _| epsilon * g[i] / scale[i]).component_div(&balance).norm();
+    let is_certain = least > rounding * balance.norm() / DIFFERENCE;
+    let step = decomposed.solve(&defect.component_div(&balance), 0.0);
+    Ok(step.ok().map(|step| ((0..size).map(|i| step[i] * balance[i] * scale[i]).collect(), is_certain)))
 }
 
 /// dG/dz by central differences with these steps, by columns.
@@ -159,10 +198,7 @@ mod tests {
     fn solution(a: fn(f64) -> f64, b: fn(f64) -> f64) -> Result<f64, &'static str> {
         match solve(&mut Functions(a, b), &[0.0, 0.0], &[1.0, 1.0]) {
             Ok(z) => Ok(z[0]),
-            Err(Unsolved::NoSolution { reason, residual, iterations: 5 }) => {
-                assert_ne!(residual, 0.0);
-                Err(reason)
-            }
+            Err(Unsolved::NoSolution { reason, .. }) => Err(reason),
             Err(other) => panic!("{other:?}"),
         }
     }
@@ -183,8 +219,42 @@ mod tests {
             let found = solution(a, b).unwrap();
             assert!((found - expected).abs() <= 1e-8 * expected, "{found}, not {expected}");
         }
-        assert_eq!(solution(|u| u + 1.0, same), Err("singular Jacobian"));
-        assert_eq!(solution(|u| u * u + 1.0, same), Err("no convergence"));
-        assert_eq!(solution(|u| libm::sqrt(u - 1.0), same), Err("singular Jacobian"));
+        for (a, reason) in [
+            ((|u| u + 1.0) as fn(f64) -> f64, "singular Jacobian"),
+            // Differences have errors of 6e-8 and 4e-10.
+            (|u| u + 1000.0, "singular Jacobian"),
+            (|u| u + 6.0, "singular Jacobian"),
+            (|u| u * u + 1.0, "no convergence"),
+            (|u| libm::sqrt(u - 1.0), "singular Jacobian"),
+            (|u| 1e200 * u + 1.0, "singular Jacobian"),
+        ] {
+            assert_eq!(solution(a, same), Err(reason));
+        }
+    }
+
+    /// The error of a solution is its residual divided by 1 - 0.9999.
+    #[test]
+    fn ill_conditioned_loops_are_solved_accurately() {
+        for (a, offset) in [
+            ((|u| 0.9999 * u + 1.0) as fn(f64) -> f64, 1.0),
+            (|u| 0.9999 * u + 1e-3, 1e-3),
+            (|u| 0.9999 * u + 1e5, 1e5),
+        ] {
+            let (found, expected) = (solution(a, |u| u).unwrap(), offset / (1.0 - 0.9999));
+            assert!((found - expected).abs() <= 1e-11 * expected, "{found}, not {expected}");
+        }
+    }
+
+    /// Unknowns of 1e6 and 3e-6: the equations are those of 1 and 1 in other units. The tolerance depends on the nominal
+    /// values, the regularity does not.
+    #[test]
+    fn units_of_unknowns_make_no_loop_singular() {
+        let mut functions = Functions(|u| 1.65e11 * u + 5e5, |u| 1.5e-12 * u + 1.5e-6);
+        let expected = (1.65e11 * 1.5e-6 + 5e5) / (1.0 - 1.65e11 * 1.5e-12);
+        for (nominal, tolerance) in [([1e6, 1e-6], 1e-8), ([1.0, 1.0], 1e-4)] {
+            let found = solve(&mut functions, &[0.0, 0.0], &nominal).unwrap()[0];
+            assert!((found - expected).abs() <= tolerance * expected, "{found}, not {expected}");
+        }
+        assert_eq!(solution(|u| 1e12 * u + 1e6, |u| 1e-12 * u), Err("singular Jacobian"));
     }
 }

@@ -34,12 +34,14 @@ pub enum FmusError {
         message: String,
     },
     /// Outputs that depend on each other have no consistent start values.
-    #[error("the algebraic loop at the start {message}: {path}; {HELP_LOOP}")]
+    #[error("the algebraic loop at the start {problem}: {path}; {detail}; {HELP_LOOP}")]
     Loop {
+        /// `has no solution (REASON)` or `does not settle`.
+        problem: String,
         /// The loop: `a:y -> b:u -> b:y -> a:u`.
         path: String,
-        /// Reason.
-        message: String,
+        /// Details of the problem.
+        detail: String,
     },
     /// The iteration of a step does not converge.
     #[error(

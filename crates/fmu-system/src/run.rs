@@ -274,7 +274,8 @@ impl Evaluation {
 pub struct AlgebraicLoop {
     /// The signals to solve for.
     pub unknowns: Vec<Unknown>,
-    /// Slots of the other signals, which are held meanwhile.
+    /// Slots of the other signals, and of those that inputs of another type read. They are held meanwhile, the latter
+    /// for these inputs only.
     pub held: Vec<usize>,
     /// True if all FMUs of the loop return directional derivatives.
     pub has_derivatives: bool,
@@ -287,7 +288,7 @@ pub struct AlgebraicLoop {
 pub struct Unknown {
     /// Slot of the bus.
     pub slot: usize,
-    /// Start value of the first input that reads it.
+    /// Start value of the first Real input of the loop that reads it, in the unit of the output.
     pub start: f64,
     /// Nominal value, above 0.
     pub nominal: f64,

@@ -736,7 +736,7 @@ impl Session {
                 }
             }
             match equations {
-                None => start::evaluate(components, members, bus)?,
+                None => start::evaluate(components, members, bus, None)?,
                 Some(equations) => start::solve(equations, components, members, bus)?,
             }
         }

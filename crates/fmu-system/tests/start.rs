@@ -24,6 +24,11 @@ struct Function<'a> {
 
 impl Function<'_> {
     fn pack(&self, folder: &Path) {
+        self.pack_with(folder, &[]);
+    }
+
+    /// Packs the FMU with replacements in its description.
+    fn pack_with(&self, folder: &Path, edits: &[(&str, &str)]) {
         let follow = format!("FOLLOW=i->v.real[1]=({})", self.formula.replace('u', "i->v.real[0]"));
         let exit = format!("EXIT=i->v.real[1]=({})", self.formula.replace('u', "i->v.real[0]"));
         let list = self.dependencies.map_or(String::new(), |list| format!(" dependencies=\"{list}\""));
@@ -31,13 +36,13 @@ impl Function<'_> {
             "<ModelStructure><Outputs><Unknown index=\"2\"/><Unknown index=\"6\"/><Unknown index=\"8\"/></Outputs>\
              <InitialUnknowns><Unknown index=\"2\"{list}/></InitialUnknowns></ModelStructure>"
         );
-        let edits = [("<ModelStructure/>", structure.as_str())];
+        let edits = [&[("<ModelStructure/>", structure.as_str())], edits].concat();
         let defects = [follow.as_str(), exit.as_str()];
         Build { defects: &defects, edits: &edits, ..Build::new(self.name, self.input, self.output) }.pack(folder);
     }
 }
 
-/// The plan of components, each a name and an FMU, and of connections. The input `free` is 0.
+/// The plan of components, each a name and an FMU, and of connections. Without a connection, the input `free` is 0.
 fn plan(folder: &TempDir, components: &[[&str; 2]], connections: &[[&str; 2]], record: &str) -> Plan {
     plan_in(folder, "", components, connections, record)
 }
@@ -58,11 +63,17 @@ fn plan_in(folder: &TempDir, order: &str, components: &[[&str; 2]], connections:
         text += &format!("[[connection]]\nfrom = \"{from}\"\nto = \"{to}\"\n");
     }
     text += "[[case]]\nname = \"only\"\ntitle = \"Only\"\n";
-    if components.iter().any(|[name, _]| *name == "source") {
+    let is_connected = connections.iter().any(|[_, to]| *to == "source:free");
+    if !is_connected && components.iter().any(|[name, _]| *name == "source") {
         text += "inputs.source = { free = 0.0 }\n";
     }
     text += &format!("[record]\nsignals = [{record}]\n");
-    resolve_text(Path::new("start.toml"), &text, &FmuFolder::new([folder.path()]), &Options::default()).unwrap()
+    resolved(folder, &text).unwrap()
+}
+
+fn resolved(folder: &TempDir, text: &str) -> Result<Plan, String> {
+    let fmus = FmuFolder::new([folder.path()]);
+    resolve_text(Path::new("start.toml"), text, &fmus, &Options::default()).map_err(|problems| format!("{problems:?}"))
 }
 
 fn start(plan: &Plan) -> Result<Vec<f64>, String> {
@@ -129,15 +140,143 @@ fn loops_are_solved() {
 
 #[test]
 fn a_loop_without_a_solution_is_named() {
-    for (a, reason) in [("u + 1", "singular Jacobian"), ("u * u + 1", "no convergence")] {
+    for (a, reason) in
+        [("u + 1", "singular Jacobian"), ("u + 1000", "singular Jacobian"), ("u * u + 1", "no convergence")]
+    {
         let message = in_loop(a, "u", [Some("1"); 2], &[]).unwrap_err();
-        let expected = format!("the algebraic loop at the start has no solution ({reason}); residual ");
-        assert!(message.contains(&expected), "{message}");
-        assert!(
-            message.contains(" after 5 fixed-point iterations: a:ay -> b:bu -> b:by -> a:au; break it"),
-            "{message}"
+        let expected = format!(
+            "the algebraic loop at the start has no solution ({reason}): a:ay -> b:bu -> b:by -> a:au; residual "
         );
+        assert!(message.contains(&expected), "{message}");
+        assert!(message.contains(" after 5 fixed-point iterations; break it with a delay"), "{message}");
     }
+}
+
+/// Makes the Boolean of an FMU an input and its Real output a pure number, which a Boolean may read.
+const BOOLEAN: [(&str, &str); 2] = [
+    ("causality=\"parameter\" variability=\"fixed\"><Boolean", "causality=\"input\"><Boolean"),
+    ("<Real unit=\"m\"/>", "<Real/>"),
+];
+
+/// Two functions in a loop in which `source` reads the output of a as a Boolean, and also as a Real if it depends on it.
+fn with_boolean(a: &str, b: &str, dependencies: &str) -> Result<Vec<f64>, String> {
+    let folder = TempDir::new().unwrap();
+    Function { name: "A", input: "au", output: "ay", formula: a, dependencies: Some("1") }
+        .pack_with(folder.path(), &BOOLEAN[1..]);
+    Function { name: "B", input: "free", output: "by", formula: b, dependencies: Some(dependencies) }
+        .pack_with(folder.path(), &BOOLEAN);
+    let all = [["a:ay", "source:inverted"], ["source:by", "a:au"], ["a:ay", "source:free"]];
+    let connections = if dependencies == "7" { &all[..2] } else { &all };
+    start(&plan(&folder, &[["a", "A"], ["source", "B"]], connections, "\"ay\", \"by\""))
+}
+
+/// y = 0.5 z + 0.4, z = y + (1 if y > 0.5 else 0). The Boolean changes after the first solution, 0.8.
+#[test]
+fn a_signal_of_a_loop_can_be_read_as_real_and_boolean() {
+    let found = with_boolean("0.5 * u + 0.4", "u + i->v.boolean[0]", "1 7").unwrap();
+    for (found, expected) in found.iter().zip([1.8, 2.8]) {
+        assert!((found - expected).abs() <= 1e-8, "{found}, not {expected}");
+    }
+    // Only the Boolean matters: y = z, z = 2 if y > 0.5 else 1.
+    assert_eq!(with_boolean("u", "1 + i->v.boolean[0]", "7").unwrap(), [2.0, 2.0]);
+}
+
+/// y = z, z = 0 if y > 0.5 else 1: there is no solution.
+#[test]
+fn a_loop_that_does_not_settle_is_named() {
+    let message = with_boolean("u", "!i->v.boolean[0]", "7").unwrap_err();
+    let expected = "the algebraic loop at the start does not settle: a:ay -> source:inverted -> source:by -> a:au; \
+                    signals that are not Real change in each of 10 rounds; break it with a delay";
+    assert!(message.contains(expected), "{message}");
+}
+
+/// Two loops: u = 0.5 u + 1 and u = -3 u + 4; the FMUs of the second have no initial unknowns, so that the dependencies
+/// of their outputs count.
+#[test]
+fn each_of_several_loops_is_solved() {
+    let folder = TempDir::new().unwrap();
+    let undeclared = [
+        ("<Unknown index=\"2\"/>", "<Unknown index=\"2\" dependencies=\"1\"/>"),
+        ("<InitialUnknowns><Unknown index=\"2\" dependencies=\"1\"/></InitialUnknowns>", ""),
+    ];
+    for (name, input, output, formula, edits) in [
+        ("A", "au", "ay", "0.5 * u + 1", &undeclared[..0]),
+        ("B", "bu", "by", "u", &undeclared[..0]),
+        ("C", "cu", "cy", "-3 * u + 4", &undeclared),
+        ("D", "du", "dy", "u", &undeclared),
+    ] {
+        Function { name, input, output, formula, dependencies: Some("1") }.pack_with(folder.path(), edits);
+    }
+    let components = [["a", "A"], ["b", "B"], ["c", "C"], ["d", "D"]];
+    let connections = [["a:ay", "b:bu"], ["b:by", "a:au"], ["c:cy", "d:du"], ["d:dy", "c:cu"]];
+    let plan = plan(&folder, &components, &connections, "\"ay\", \"cy\"");
+    assert_eq!(plan.wiring[0].loops.iter().filter(|found| found.at_start).count(), 2);
+    let found = start(&plan).unwrap();
+    assert!((found[0] - 2.0).abs() <= 1e-8 && (found[1] - 1.0).abs() <= 1e-8, "{found:?}");
+}
+
+/// y = 0.25 z + 1, z = 2 y + 1. The start value of the input of b, 5, belongs to y = (5 - 1) / 2; the component `c` also
+/// reads y, but is not in the loop.
+#[test]
+fn a_loop_converts_values_and_start_values() {
+    let folder = TempDir::new().unwrap();
+    for (name, input, output, formula, value) in [
+        ("A", "au", "ay", "0.25 * u + 1", "<Real start=\"0\"/>"),
+        ("B", "bu", "by", "u", "<Real start=\"5\"/>"),
+        ("C", "cu", "cy", "u", "<Real start=\"7\"/>"),
+    ] {
+        Function { name, input, output, formula, dependencies: Some("1") }
+            .pack_with(folder.path(), &[("<Real start=\"0\"/>", value)]);
+    }
+    let text = "title = \"Start\"\nsimulation = { stop = 1.0, step = 0.1 }\n\
+                component = [{ name = \"c\", fmu = \"C\" }, { name = \"a\", fmu = \"A\" }, { name = \"b\", fmu = \"B\" }]\n\
+                connection = [{ from = \"a:ay\", to = \"c:cu\" }, { from = \"b:by\", to = \"a:au\" }, \
+                { from = \"a:ay\", to = \"b:bu\", factor = 2.0, offset = 1.0 }]\n\
+                case = [{ name = \"only\", title = \"Only\" }]\nrecord.signals = [\"ay\", \"by\"]\n";
+    let plan = resolved(&folder, text).unwrap();
+    let equations = plan.runs[0].initialization.iter().find_map(|part| part.equations.as_ref()).unwrap();
+    let ay = plan.runs[0].columns[0];
+    let unknown = equations.unknowns.iter().find(|unknown| Some(unknown.slot) == ay).unwrap();
+    assert_eq!(unknown.start, 2.0);
+    let found = start(&plan).unwrap();
+    assert!((found[0] - 2.5).abs() <= 1e-8 && (found[1] - 6.0).abs() <= 1e-8, "{found:?}");
+}
+
+/// A ring of 1002 signals through two FMUs. The limit is 1000 unknowns.
+#[test]
+fn a_loop_of_too_many_unknowns_is_an_error() {
+    let folder = TempDir::new().unwrap();
+    let (first, count) = (10, 500);
+    for (name, input, output, shift) in [("A", "p", "q", 0), ("B", "q", "p", 1)] {
+        let variable = |name: String, number: usize, causality: &str, typed: &str| {
+            format!(
+                "<ScalarVariable name=\"{name}\" valueReference=\"{number}\" causality=\"{causality}\">{typed}\
+                 </ScalarVariable>"
+            )
+        };
+        let (mut variables, mut unknowns) = (String::new(), String::new());
+        for i in 0..=count {
+            variables += &variable(format!("{input}{i}"), 2 * i + 10, "input", "<Real start=\"0\"/>");
+            variables += &variable(format!("{output}{}", (i + shift) % (count + 1)), 2 * i + 11, "output", "<Real/>");
+            let (input, output) = (first + 2 * i, first + 2 * i + 1);
+            unknowns += &format!("<Unknown index=\"{output}\" dependencies=\"{input}\"/>");
+        }
+        let structure =
+            format!("<Outputs>{unknowns}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure>");
+        let edits = [
+            ("</ModelVariables>", &*format!("{variables}</ModelVariables>")),
+            ("<ModelStructure/>", &*format!("<ModelStructure>{structure}")),
+        ];
+        let (input, output) = (format!("{input}_free"), format!("{output}_free"));
+        Build { edits: &edits, ..Build::new(name, &input, &output) }.pack(folder.path());
+    }
+    let text = "title = \"Start\"\nsimulation = { stop = 1.0, step = 0.1 }\n\
+                component = [{ name = \"a\", fmu = \"A\" }, { name = \"b\", fmu = \"B\" }]\n\
+                case = [{ name = \"only\", title = \"Only\", inputs.a.p_free = 0.0, inputs.b.q_free = 0.0 }]\n\
+                record.signals = [\"a:q0\"]\n";
+    let message = resolved(&folder, text).unwrap_err();
+    let expected = "the algebraic loop of `a:q0` at the start must have up to 1000 unknowns, got 1002";
+    assert!(message.contains(expected), "{message}");
 }
 
 /// A warning names the first output that an input reads and that changes by more than 1e-6 of its value when

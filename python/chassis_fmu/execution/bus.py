@@ -76,9 +76,9 @@ class WholeGroup(_Group):
         self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
         self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
 
-    def load(self) -> bool:
-        """Copy the values from the bus; returns whether all of them fit the type of the variables."""
-        values = self.bus[self.slots]
+    def load(self, held: Array | None = None) -> bool:
+        """Copy the values from the bus, or from `held`; returns whether all of them fit the type of the variables."""
+        values = (self.bus if held is None else held)[self.slots]
         if self.kind == "Boolean":
             self.buffer[:] = values > 0.5
             return True

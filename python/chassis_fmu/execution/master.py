@@ -343,8 +343,11 @@ class Slave:
         self.check(status, name, time, subject)
         return value
 
-    def set(self, time: float, member: rates.Member | None = None) -> None:
-        """Set the wired inputs from the bus, or to the values and slopes of the lines of a member."""
+    def set(self, time: float, member: rates.Member | None = None, held: Array | None = None) -> None:
+        """Set the wired inputs from the bus, or to the values and slopes of the lines of a member.
+
+        Integers and Booleans are set from the bus `held` if it is given.
+        """
         group = self._inputs
         if group.count:
             group.load()
@@ -360,7 +363,7 @@ class Slave:
             self.call("fmi2SetRealInputDerivatives", time, *arguments)
         for whole in self._whole_inputs:
             name = f"fmi2Set{whole.kind}"
-            if not whole.load():
+            if not whole.load(held):
                 self.check(ERROR, name, time, "a value does not fit the type of the variable")
             self.call(name, time, whole.references, whole.count, whole.values)
         for wire in self._exact_inputs:
@@ -632,7 +635,8 @@ def simulate(
             try:
                 solve(part.equations, of_part, bus, exact, start)
             except _native.NoSolutionError as error:
-                text = f"the algebraic loop at the start {error}: {part.equations.path}; {HELP_LOOP}"
+                problem, detail = error.args
+                text = f"the algebraic loop at the start {problem}: {part.equations.path}; {detail}; {HELP_LOOP}"
                 raise RunError(of_part[0].component.name, "initialization", None, text) from None
         before = bus.copy()
         for slave in slaves:

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 ROUNDS = 10
 
 
-def evaluate(slaves: Sequence[Slave], time: float) -> None:
-    """Set the inputs of components, then read their outputs."""
+def evaluate(slaves: Sequence[Slave], time: float, held: Array | None = None) -> None:
+    """Set the inputs of components, Integers and Booleans from the bus `held` if given, then read their outputs."""
     for slave in slaves:
-        slave.set(time)
+        slave.set(time, held=held)
     for slave in slaves:
         slave.read(time)
 
@@ -61,12 +61,12 @@ def solve(equations: AlgebraicLoop, slaves: Sequence[Slave], bus: Array, exact: 
     slots = [unknown.slot for unknown in equations.unknowns]
     z = [unknown.start for unknown in equations.unknowns]
     for _ in range(ROUNDS):
-        held = _Values(equations.held, bus, exact)
+        held, before = _Values(equations.held, bus, exact), bus.copy()
 
-        def values(z: list[float], held: _Values = held) -> list[float]:
-            bus[slots] = z
+        def values(z: list[float], held: _Values = held, before: Array = before) -> list[float]:
             held.write(bus, exact)
-            evaluate(slaves, time)
+            bus[slots] = z
+            evaluate(slaves, time, before)
             found: list[float] = bus[slots].tolist()
             return found
 
@@ -83,5 +83,5 @@ def solve(equations: AlgebraicLoop, slaves: Sequence[Slave], bus: Array, exact: 
         values(z)
         if held.is_same(_Values(equations.held, bus, exact)):
             return
-    text = f"does not settle: signals that are not Real change in each of {ROUNDS} rounds"
-    raise _native.NoSolutionError(text)
+    detail = f"signals that are not Real change in each of {ROUNDS} rounds"
+    raise _native.NoSolutionError("does not settle", detail)

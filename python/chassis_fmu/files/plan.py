@@ -294,7 +294,7 @@ class Unknown(_Part, frozen=True):
 
     # Slot of the bus.
     slot: int
-    # Start value of the first input that reads it.
+    # Start value of the first Real input of the loop that reads it, in the unit of the output.
     start: float
     # Nominal value, above 0.
     nominal: float
@@ -305,7 +305,8 @@ class AlgebraicLoop(_Part, frozen=True):
 
     # The signals to solve for.
     unknowns: tuple[Unknown, ...]
-    # Slots of the other signals, which are held meanwhile.
+    # Slots of the other signals, and of those that inputs of another type read. They are held meanwhile, the latter for
+    # these inputs only.
     held: tuple[int, ...]
     # True if all FMUs of the loop return directional derivatives.
     has_derivatives: bool

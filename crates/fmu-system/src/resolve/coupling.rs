@@ -1,6 +1,7 @@
 //! Checks that FMUs and their order meet the requirements of rates, slopes, iteration and error control.
 
 use super::system::{Resolver, System, context};
+use crate::algebraic::MAX_UNKNOWNS;
 use crate::run::{Extrapolation, Order, Run, Simulation};
 use fmu_import::description::{Capabilities, FmiVersion};
 use std::ops::Range;
@@ -17,6 +18,7 @@ impl Resolver<'_> {
     pub(super) fn check_coupling(&mut self, system: &System<'_>, run: &Run, simulation: &Simulation) {
         self.check_rates(system, run, simulation);
         self.check_slopes(system, run, simulation);
+        self.check_loops(system, run);
         let keys = &self.scenario.simulation;
         let places = [keys.iterate.as_ref().map(|key| key.span()), keys.error_control.as_ref().map(|key| key.span())];
         let [iterate, error_control] = places;
@@ -88,6 +90,18 @@ impl Resolver<'_> {
             let help = "remove `extrapolation`, or use an FMU that interpolates its inputs".to_owned();
             self.problems.set_context(Some(context(system.case, Some(member.component))));
             self.problems.add_at(&[member.component.name.span(), place.clone()], message, Some(help));
+        }
+    }
+
+    fn check_loops(&mut self, system: &System<'_>, run: &Run) {
+        let loops = run.initialization.iter().filter_map(|part| part.equations.as_ref());
+        for found in loops.filter(|found| found.unknowns.len() > MAX_UNKNOWNS) {
+            let (first, count) = (found.path.split(' ').next().unwrap_or_default(), found.unknowns.len());
+            let message = format!(
+                "the algebraic loop of `{first}` at the start must have up to {MAX_UNKNOWNS} unknowns, got {count}"
+            );
+            let help = "break it with a delay, such as a discrete component".to_owned();
+            self.problems.add_with_help(system.case.name.span(), message, Some(help));
         }
     }
 

@@ -3,7 +3,7 @@
 
 use super::system::{CaseComponent, Source, System};
 use crate::plan;
-use crate::run::{self, AlgebraicLoop, Evaluation, Unknown};
+use crate::run::{self, AlgebraicLoop, Evaluation, Linear, Unknown};
 use fmu_import::description::{BaseType, FmiVersion, Initial, Value, Variable};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,6 +24,7 @@ struct Reader<'a> {
     component: usize,
     variable: &'a Variable,
     slot: usize,
+    conversion: Linear,
 }
 
 /// A connection in a loop.
@@ -112,7 +113,8 @@ impl<'a> Graph<'a> {
                 _ => None,
             };
             readers.extend(member.inputs.iter().filter_map(|(v, source)| {
-                Some(Reader { component, variable: member.variable(*v), slot: slot_of(source)? })
+                let conversion = member.conversions.get(v).copied().unwrap_or(Linear::IDENTITY);
+                Some(Reader { component, variable: member.variable(*v), slot: slot_of(source)?, conversion })
             }));
             for ((_, v), slot) in slots.range((m, 0)..(m + 1, 0)) {
                 let listed = dependencies(member, *v);
@@ -183,18 +185,22 @@ impl<'a> Graph<'a> {
         let slots = unknown().map(|output| self.behind(output.slot)).find(|slots| !slots.is_empty() && is_first(slots));
         let slots = slots.unwrap_or_default();
         let members = || self.outputs.iter().filter(|output| slots.contains(&output.slot));
-        let readers = |slot: usize| self.readers.iter().filter(move |reader| reader.slot == slot);
-        let of_loop = |component: usize| members().any(|output| output.component == component);
-        // A signal is solved for if only Reals read it in the loop.
-        let is_real = |output: &&Output<'_>| {
-            let mut inside = readers(output.slot).filter(|reader| of_loop(reader.component));
-            output.variable.base_type == BaseType::Real && inside.all(|r| r.variable.base_type == BaseType::Real)
+        let is_in_loop = |reader: &&Reader<'_>| {
+            members().any(|output| output.component == reader.component && output.needs.contains(&reader.slot))
         };
+        let readers = |slot: usize| self.readers.iter().filter(move |reader| reader.slot == slot).filter(is_in_loop);
+        let is_real = |reader: &&Reader<'_>| reader.variable.base_type == BaseType::Real;
+        let is_unknown = |output: &&Output<'_>| {
+            output.variable.base_type == BaseType::Real && readers(output.slot).any(|reader| is_real(&reader))
+        };
+        let is_held =
+            |output: &&Output<'_>| !is_unknown(output) || readers(output.slot).any(|reader| !is_real(&reader));
         let start = |slot: usize| {
-            readers(slot).find_map(|reader| match reader.variable.start {
-                Some(Value::Real(start)) => Some(start),
+            let mut values = readers(slot).filter(is_real).filter_map(|reader| match reader.variable.start {
+                Some(Value::Real(start)) => Some((start - reader.conversion.offset) / reader.conversion.factor),
                 _ => None,
-            })
+            });
+            values.find(|start| start.is_finite())
         };
         let components: BTreeSet<usize> = members().map(|output| output.component).collect();
         let has_derivatives = |component: &usize| {
@@ -211,14 +217,14 @@ impl<'a> Graph<'a> {
         let path: Vec<&str> = cycle.iter().flat_map(|connection| &connection.ends).map(String::as_str).collect();
         let equations = AlgebraicLoop {
             unknowns: members()
-                .filter(is_real)
+                .filter(is_unknown)
                 .map(|output| Unknown {
                     slot: output.slot,
                     start: start(output.slot).unwrap_or_default(),
                     nominal: output.variable.nominal.map(f64::abs).filter(|n| *n > 0.0).unwrap_or(1.0),
                 })
                 .collect(),
-            held: members().filter(|output| !is_real(output)).map(|output| output.slot).collect(),
+            held: members().filter(is_held).map(|output| output.slot).collect(),
             has_derivatives: components.iter().all(has_derivatives),
             path: path.join(" -> "),
         };

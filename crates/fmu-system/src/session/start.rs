@@ -11,9 +11,20 @@ use fmu_import::loader::{CallError, Message, Status};
 /// Maximum number of rounds until the signals that are not Real no longer change.
 const ROUNDS: usize = 10;
 
-/// Sets the inputs of components, then reads their outputs.
-pub(super) fn evaluate(components: &[usize], members: &mut [Component], bus: &mut Bus) -> Result<(), CallError> {
-    components.iter().try_for_each(|index| members[*index].set_inputs(bus))?;
+/// Sets the inputs of components, those that are not Real to their values on the bus `held` if it is given, then reads
+/// their outputs.
+pub(super) fn evaluate(
+    components: &[usize],
+    members: &mut [Component],
+    bus: &mut Bus,
+    held: Option<&Bus>,
+) -> Result<(), CallError> {
+    for index in components {
+        let member = &mut members[*index];
+        member.load_reals(bus);
+        member.set_reals()?;
+        member.set_others(held.unwrap_or(bus))?;
+    }
     components.iter().try_for_each(|index| members[*index].read_outputs(bus))
 }
 
@@ -45,7 +56,7 @@ pub(super) fn solve(
     members: &mut [Component],
     bus: &mut Bus,
 ) -> Result<(), FmusError> {
-    let unsolved = |message: String| FmusError::Loop { path: equations.path.clone(), message };
+    let unsolved = |problem: String, detail| FmusError::Loop { problem, path: equations.path.clone(), detail };
     let nominal: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.nominal).collect();
     let mut z: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.start).collect();
     for _ in 0..ROUNDS {
@@ -54,15 +65,16 @@ pub(super) fn solve(
         z = match algebraic::solve(&mut system, &z, &nominal) {
             Ok(solution) => solution,
             Err(Unsolved::Evaluation(error)) => return Err(error.into()),
-            Err(other) => return Err(unsolved(format!("has {other}"))),
+            Err(Unsolved::NoSolution { reason, detail }) => {
+                return Err(unsolved(format!("has no solution ({reason})"), detail));
+            }
         };
-        system.write(&z);
-        evaluate(components, members, bus)?;
+        system.evaluate(&z)?;
         if equations.held.iter().all(|slot| bus.is_same(*slot, &held)) {
             return Ok(());
         }
     }
-    Err(unsolved(format!("does not settle: signals that are not Real change in each of {ROUNDS} rounds")))
+    Err(unsolved("does not settle".into(), format!("signals that are not Real change in each of {ROUNDS} rounds")))
 }
 
 struct System<'a> {
@@ -70,27 +82,21 @@ struct System<'a> {
     components: &'a [usize],
     members: &'a mut [Component],
     bus: &'a mut Bus,
-    /// Values of the signals that are not Real.
+    /// Values of the signals that are not Real, and of all signals for the inputs that are not.
     held: &'a Bus,
-}
-
-impl System<'_> {
-    fn write(&mut self, z: &[f64]) {
-        for (unknown, value) in self.equations.unknowns.iter().zip(z) {
-            self.bus.numbers[unknown.slot] = *value;
-        }
-        for slot in &self.equations.held {
-            self.bus.copy(*slot, self.held);
-        }
-    }
 }
 
 impl Equations for System<'_> {
     type Error = CallError;
 
     fn evaluate(&mut self, z: &[f64]) -> Result<Vec<f64>, CallError> {
-        self.write(z);
-        evaluate(self.components, self.members, self.bus)?;
+        for slot in &self.equations.held {
+            self.bus.copy(*slot, self.held);
+        }
+        for (unknown, value) in self.equations.unknowns.iter().zip(z) {
+            self.bus.numbers[unknown.slot] = *value;
+        }
+        evaluate(self.components, self.members, self.bus, Some(self.held))?;
         Ok(self.equations.unknowns.iter().map(|unknown| self.bus.numbers[unknown.slot]).collect())
     }
 
