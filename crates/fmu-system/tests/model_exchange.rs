@@ -5,6 +5,8 @@
 #[path = "../../fmu-import/tests/support/decay.rs"]
 mod decay;
 
+mod counting;
+
 use decay::Decay;
 use fmu_import::archive::platform_of;
 use fmu_import::description::FmiVersion;
@@ -30,7 +32,7 @@ struct Ode<'a> {
     macros: &'a [(&'a str, &'a str)],
 }
 
-const DEFAULTS: [(&str, &str); 9] = [
+const DEFAULTS: [(&str, &str); 10] = [
     ("START", "{1}"),
     ("F", "dx[0]=0"),
     ("NZ", "0"),
@@ -40,6 +42,7 @@ const DEFAULTS: [(&str, &str); 9] = [
     ("AFTER", "0"),
     ("OVER", "0"),
     ("PARTIAL", "0"),
+    ("UNDEFINED", "0"),
 ];
 
 impl Ode<'_> {
@@ -300,6 +303,79 @@ fn time_events_are_reached_exactly_and_may_end_the_run() {
             assert_eq!(column(&plan, &recording, "x0")[k], count);
             assert!((column(&plan, &recording, "x1")[k] - integral).abs() < 1e-14, "{step}: {time}");
         }
+    }
+}
+
+/// Events at the times of the rows belong to them, although 55 of 200 sums of time and step are not the next time; so do
+/// those at the ends of longer and shorter steps, which have the same times because these are products with powers of 2.
+#[test]
+fn time_events_on_the_grid_are_in_their_rows_with_any_rate() {
+    let folder = TempDir::new().unwrap();
+    let macros: Vec<_> = STAIR.macros.iter().copied().filter(|(key, _)| *key != "OVER").collect();
+    Ode { macros: &macros, ..STAIR }.pack(folder.path());
+    for (step, keys, rows, events) in
+        [(0.1, "", 1, 1), (0.05, "every = 2", 2, 1), (0.4, "substeps = 4", 1, 4), (0.2, "substeps = 3", 1, 2)]
+    {
+        let plan = plan(&folder, "Stair", [20.0, step], keys).unwrap();
+        let recording = execute(&plan).unwrap();
+        assert_eq!(recording.time.last(), Some(&20.0));
+        for (k, row) in (0..recording.time.len()).step_by(rows).enumerate() {
+            let count = (k * events) as f64;
+            assert_eq!(column(&plan, &recording, "x0")[row], count, "{keys}: {k}");
+            let integral = 0.1 * count * (count - 1.0) / 2.0;
+            assert!((column(&plan, &recording, "x1")[row] - integral).abs() < 1e-10, "{keys}: {k}");
+        }
+    }
+}
+
+/// x' = -1 until x has fallen from 1 to 0.25. Below 0.2, nothing is defined, and long steps would end there.
+#[test]
+fn steps_into_an_undefined_region_are_tried_again_with_shorter_ones() {
+    let folder = TempDir::new().unwrap();
+    let macros = [
+        ("F", "dx[0]=count>0?0:-1"),
+        ("NZ", "1"),
+        ("Z", "z[0]=x[0]-0.25"),
+        ("EVENT", "if(x[0]<=0.25)i->count=1;"),
+        ("UNDEFINED", "x[0]<0.2"),
+    ];
+    Ode { name: "Tank", states: 1, macros: &macros }.pack(folder.path());
+    for keys in ["", "solver = \"rosenbrock\"", "solver = \"runge_kutta\"\nmax_step = 2.0"] {
+        let plan = plan(&folder, "Tank", [4.0, 2.0], keys).unwrap();
+        let recording = execute(&plan).unwrap();
+        assert_eq!(column(&plan, &recording, "events")[2], 2.0, "{keys}");
+        let x = column(&plan, &recording, "x0");
+        assert!(x[1..].iter().all(|x| (x - 0.25).abs() < 1e-9), "{keys}: {x:?}");
+    }
+    // No step is short enough.
+    Ode { name: "Dry", states: 1, macros: &[("UNDEFINED", "x[0]>0.5")] }.pack(folder.path());
+    let failure = execute(&plan(&folder, "Dry", [1.0, 0.1], "solver = \"runge_kutta\"\nmax_step = 0.1").unwrap());
+    let message = failure.unwrap_err().to_string();
+    assert!(message.contains("`own`: fmi2GetEventIndicators returned fmi2Discard"), "{message}");
+}
+
+/// After the first steps, which save the first states and find the lengths of the solver's steps.
+#[test]
+fn repeating_a_step_does_not_allocate() {
+    let folder = TempDir::new().unwrap();
+    [LAG, SINE, BALL].iter().for_each(|ode| ode.pack(folder.path()));
+    for key in
+        ["iterate = {}", "error_control = { tolerance = 1e-2 }", "extrapolation = \"linear\"\nerror_control = {}"]
+    {
+        let text = format!(
+            "title = \"Lag\"\n[simulation]\nstop = 1.0\nstep = 0.01\n{key}\n\
+             [[component]]\nname = \"sine\"\nfmu = \"Sine\"\ninputs = {{ u = 0.0, d = 0.0 }}\n\
+             [[component]]\nname = \"lag\"\nfmu = \"Lag\"\ninputs = {{ d = 0.0 }}\n\
+             [[component]]\nname = \"ball\"\nfmu = \"Ball\"\ninputs = {{ u = 0.0, d = 0.0 }}\n\
+             [[connection]]\nfrom = \"sine:y\"\nto = \"lag:u\"\n[[case]]\nname = \"only\"\ntitle = \"Only\"\n\
+             [record]\nsignals = [\"lag:x0\"]\n"
+        );
+        let plan = resolved(&folder, &text).unwrap();
+        let mut session = Session::new(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
+        session.step().unwrap();
+        let before = counting::allocations();
+        (0..50).for_each(|_| session.step().unwrap());
+        assert_eq!(counting::allocations(), before, "{key}");
     }
 }
 

@@ -75,7 +75,7 @@ pub(super) struct Point {
 }
 
 /// An input with a slope, and its value at the start of the communication step.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 struct Input {
     reference: Reference,
     value: f64,
@@ -103,12 +103,23 @@ pub(super) struct Integration {
     matrix: Vec<f64>,
     pivots: Vec<usize>,
     is_linearized: bool,
+    /// Length of the last step that was tried, s.
+    tried: f64,
     /// Numbers in the present communication step.
     steps: u32,
     events: u32,
 }
 
 impl Point {
+    /// Takes the values of another point. Reuses the memory, because steps are repeated.
+    pub(super) fn take(&mut self, from: &Self) {
+        let Self { mut x, mut indicators, mut inputs, .. } = std::mem::take(self);
+        x.clone_from(&from.x);
+        indicators.clone_from(&from.indicators);
+        inputs.clone_from(&from.inputs);
+        *self = Self { x, indicators, inputs, ..*from };
+    }
+
     /// Sets time, inputs with slopes, and states.
     fn set(&self, fmu: &mut Instance, time: f64, x: &[f64]) -> Result<(), CallError> {
         fmu.set_time(time)?;
@@ -148,6 +159,7 @@ impl Integration {
             matrix: zeros(linear * n),
             pivots: vec![0; linear],
             is_linearized: false,
+            tried: 0.0,
             steps: 0,
             events: 0,
         }
@@ -156,7 +168,7 @@ impl Integration {
     /// Makes a step of the method from the present point, without events, to `self.end`; the error is in `self.error`.
     /// Returns false if a step of this length is not possible.
     fn attempt(&mut self, fmu: &mut Instance, h: f64) -> Result<bool, CallError> {
-        self.steps += 1;
+        (self.steps, self.tried) = (self.steps + 1, h);
         if self.steps > MOST_STEPS {
             let Point { since, time, .. } = self.point;
             let reason = format!(
@@ -265,7 +277,7 @@ impl Integration {
         }
         let (mut low, mut high) = (0.0, h);
         self.last.copy_from_slice(&self.end);
-        while high - low > precision.max(EVENT_ROUNDINGS * (time.abs().next_up() - time.abs())) {
+        while high - low > precision.max(rounding(time)) {
             let middle = 0.5 * (low + high);
             if self.solver.method == Method::DormandPrince {
                 let Self { point, end, work, found, .. } = self;
@@ -328,6 +340,9 @@ impl Integration {
     /// Makes a communication step, from event to event.
     fn step(&mut self, fmu: &mut Instance, time: f64, step: f64) -> Result<(), CallError> {
         let end = time + step;
+        // A time event that is later only by rounding belongs to this step, but no FMU is asked to pass its stop time.
+        let last = end + rounding(end);
+        let last = fmu.experiment().1.map_or(last, |stop| last.min(stop).max(end));
         (self.point.since, self.steps, self.events) = (time, 0, 0);
         if self.point.can_set {
             self.event(fmu, None)?;
@@ -339,7 +354,7 @@ impl Integration {
             }
         }
         loop {
-            let due = self.point.next_event.filter(|next| *next <= end);
+            let due = self.point.next_event.filter(|next| *next <= last);
             if due.is_some_and(|due| due <= self.point.time) {
                 self.event(fmu, None)?;
                 continue;
@@ -348,8 +363,19 @@ impl Integration {
                 return Ok(());
             }
             let target = due.unwrap_or(end);
-            let h = self.advance(fmu, target - self.point.time)?;
-            let (time, crossed) = self.locate(fmu, h, target, EVENT_PRECISION * step)?;
+            let mut limit = target - self.point.time;
+            let (time, crossed) = loop {
+                let located =
+                    self.advance(fmu, limit).and_then(|h| self.locate(fmu, h, target, EVENT_PRECISION * step));
+                match located {
+                    // The equations are not defined somewhere in the step; a shorter one may stay where they are.
+                    Err(error) if error.is_discarded() && self.tried > rounding(self.point.time) => {
+                        limit = 0.5 * self.tried;
+                        self.point.proposed = limit;
+                    }
+                    located => break located?,
+                }
+            };
             self.point.time = time;
             self.point.x.copy_from_slice(&self.found);
             let needs_call = self.exchange.needs_completed_step;
@@ -363,6 +389,11 @@ impl Integration {
             }
         }
     }
+}
+
+/// Shortest interval at a time that is not lost in rounding, s.
+fn rounding(time: f64) -> f64 {
+    EVENT_ROUNDINGS * (time.abs().next_up() - time.abs())
 }
 
 /// A time, and the event indicator that has changed its sign.

@@ -64,7 +64,9 @@ impl Instance {
         self.states[saved.slot] = state;
         let (clocks, point) = &mut self.saved[saved.slot];
         clocks.clone_from(&self.clocks);
-        *point = self.integration.as_ref().map(|own| own.point.clone());
+        if let (Some(own), Some(point)) = (&self.integration, point) {
+            point.take(&own.point);
+        }
         result
     }
 
@@ -81,7 +83,7 @@ impl Instance {
         let (clocks, point) = &self.saved[saved.slot];
         self.clocks.clone_from(clocks);
         if let (Some(own), Some(point)) = (&mut self.integration, point) {
-            own.point.clone_from(point);
+            own.point.take(point);
         }
         Ok(())
     }

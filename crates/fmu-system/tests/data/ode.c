@@ -1,7 +1,7 @@
 /* Equations as an FMU of FMI 2.0 for model exchange. Macros contain the model: N states, START values, F derivatives,
    NZ event indicators Z, the handler EVENT, the time NEXT of the next event, a request for Event Mode AFTER a step, the
-   end OVER, and the output Y. With PARTIAL it returns directional derivatives. It rejects calls that do not belong to
-   its mode, and times after the next time event.
+   end OVER, and the output Y. With PARTIAL it returns directional derivatives. Derivatives and indicators are not defined
+   where UNDEFINED. It rejects calls that do not belong to its mode, and times after the next time event.
    Value references: 0 to N - 1 states, 10 to 9 + N derivatives, 20 u (continuous), 21 d (discrete), 22 y, 23 events,
    24 steps. */
 #include <math.h>
@@ -112,16 +112,18 @@ EXPORT int fmi2GetNominalsOfContinuousStates(void *c, double *x, size_t n) {
     return 0;
 }
 EXPORT int fmi2GetDerivatives(void *c, double *dx, size_t n) {
+    const double *x = ((Instance *)c)->x;
+    (void)x;
     if (((Instance *)c)->mode != CONTINUOUS || n != N) return 3;
     derivatives(c, dx);
-    return 0;
+    return UNDEFINED ? 2 : 0;
 }
 EXPORT int fmi2GetEventIndicators(void *c, double *z, size_t n) {
     const double *x = ((Instance *)c)->x, u = ((Instance *)c)->u;
     (void)x, (void)u;
     if (n != NZ) return 3;
     Z;
-    return 0;
+    return UNDEFINED ? 2 : 0;
 }
 EXPORT int fmi2EnterEventMode(void *c) {
     Instance *i = c;
