@@ -442,6 +442,26 @@ def test_integers_of_64_bits_are_exact_up_to_two_to_53() -> None:
         assert status or read[0] == value
 
 
+@pytest.mark.parametrize(
+    ("early", "reached", "status"),
+    [(False, 1.5, OK), (False, 1.49999, OK), (False, None, OK), (False, 1.2, DISCARD), (True, 1.5, DISCARD)],
+)
+def test_an_early_return_shows_in_its_flag_or_its_time(early: bool, reached: float | None, status: int) -> None:
+    """FMI 3.0.2, section 4.2.1; an FMU that writes no time has made the step."""
+
+    class Library:
+        def __getitem__(self, _name: str) -> Any:
+            def call(_component: Any, _time: float, _step: float, _final: bool, *results: Any) -> int:
+                results[2]._obj.value = early
+                if reached is not None:
+                    results[3]._obj.value = reached
+                return OK
+
+            return call
+
+    assert fmi3.Functions(Library(), {}).fmi2DoStep(1, 1.0, 0.5, 1) == status
+
+
 def test_rows_that_cannot_be_written_fail_the_run(monkeypatch: pytest.MonkeyPatch, scenario: Plan) -> None:
     """Any exception in a run makes the run fail; it does not end the worker process."""
     run = replace(scenario.runs[0], series=())

@@ -44,6 +44,8 @@ title = "Only"
 signals = ["x", "y", "integral", "decay:*"]
 "#;
 
+const FLAGS: &str = "canGetAndSetFMUstate=\"true\" canHandleVariableCommunicationStepSize=\"true\"";
+
 fn scenario(fmi: FmiVersion) -> String {
     let [fmu, inputs, parameters] = match fmi {
         FmiVersion::V2 => ["Decay2", "", ""],
@@ -99,6 +101,26 @@ fn a_system_of_both_versions_follows_the_closed_form() {
     }
     // Bit-identical: the calls and their order are the same.
     assert_eq!(integrals[0], integrals[1]);
+}
+
+/// Steps of 0.1 s of an FMU that makes at most 0.03 s: it discards the step (FMI 3.0.2, section 2.2.4), or returns early
+/// with or without the flag. The step is made of 0.03, 0.03, 0.03 and 0.01 s, and x = exp(-2 t).
+#[test]
+fn a_discarded_step_and_an_early_return_are_repeated_in_shorter_steps() {
+    for (flag, status) in [(0, 2), (1, 0), (0, 0)] {
+        let folder = TempDir::new().unwrap();
+        let defects = ["LIMIT=0.03".to_owned(), format!("SHORT={flag}"), format!("STATUS={status}")];
+        let defects = defects.each_ref().map(String::as_str);
+        Decay { defects: &defects, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+        Build { flags: FLAGS, ..Build::new("Integral", "y", "integral") }.pack(folder.path());
+        let plan = plan(&folder, &scenario(FmiVersion::V3).replace("step = 0.01", "step = 0.1")).unwrap();
+        let recording = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
+        let steps = recording.steps.unwrap();
+        assert_eq!((steps.accepted, steps.rejected), (12, 9), "{flag} {status}");
+        for (time, x) in recording.time.iter().zip(column(&plan, &recording, "x")) {
+            assert!((x - (-2.0 * time).exp()).abs() < 1e-14, "{flag} {status}: {time}");
+        }
+    }
 }
 
 /// w = x v by element, with x = exp(-2 t) as above; v starts at (1, 2, 3).

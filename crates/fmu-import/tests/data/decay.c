@@ -404,6 +404,13 @@ EXPORT int fmi3DoStep(void *c, double t, double h, bool final, bool *event_neede
 #ifdef EARLY
     *early = true;
 #endif
+#ifdef LIMIT /* the longest step; a longer one ends after it with the flag SHORT and the status STATUS */
+    if (h > LIMIT * (1 + 1e-9)) {
+        step(c, LIMIT);
+        *early = SHORT, *reached = ((Instance *)c)->m.time = t + LIMIT;
+        return STATUS;
+    }
+#endif
 #ifdef CRASH
     abort();
 #endif
