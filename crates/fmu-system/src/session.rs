@@ -501,8 +501,7 @@ impl Session {
 
     /// Time, s.
     pub fn time(&self) -> f64 {
-        // Product, then sum: no error accumulates, and the times of all masters are bit-identical.
-        self.simulation.start + self.step as f64 * self.simulation.step
+        self.simulation.time(self.step as f64)
     }
 
     /// Returns true if all steps are done.
@@ -691,7 +690,7 @@ impl Session {
     /// # Errors
     /// A call returns more than `fmi2Warning`.
     pub fn terminate(mut self) -> Result<Vec<(String, Message)>, Failure> {
-        let time = if self.is_over() { self.simulation.stop } else { self.time() };
+        let time = self.time();
         if let Some(board) = self.board {
             board.step(time, self.step);
         }

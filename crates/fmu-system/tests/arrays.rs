@@ -340,7 +340,7 @@ fn connections_widen_but_do_not_narrow() {
         })
     };
     let plan = scenario("a:qo", "b:s", "s = 1,").unwrap();
-    assert_eq!(executed(&plan, &plan.runs[0]).lines().last(), Some("0.30000000000000004,0,0.0"));
+    assert_eq!(executed(&plan, &plan.runs[0]).lines().last(), Some("0.3,0,0.0"));
     let narrowing = scenario("a:so", "b:q", "q = 0,").unwrap_err();
     let expected = "`a:so` is Int64, but its target `b:q` is Int32";
     let help = "Int32 does not have all values of Int64: connect an output of a type that Int32 includes, or put a \
@@ -509,7 +509,7 @@ fn arrays_of_strings_and_binaries_are_set_by_list_and_by_element() {
     assert!(recorded.lines().skip(1).all(|line| line.ends_with(",,AQ==,4.0,0.0,BQU=,")), "{recorded}");
     let whole = Scenario { connections: &[("a:ys", "b:xs")], signals: &["b:ys"], ..Scenario::default() }.plan(&folder);
     // Swapped twice: the start values.
-    assert_eq!(executed(&whole, &whole.runs[0]).lines().last(), Some("0.30000000000000004,MQ==,MjI="));
+    assert_eq!(executed(&whole, &whole.runs[0]).lines().last(), Some("0.3,MQ==,MjI="));
     let one =
         Scenario { parameters: "\"names[2]\" = \"xyz\"", signals: &["a:ls"], ..Scenario::default() }.plan(&folder);
     assert_eq!(last(&one).unwrap(), expected(&[("ls[1]", 1.0), ("ls[2]", 3.0)]));
@@ -537,7 +537,7 @@ fn every_name_of_a_variable_can_be_used() {
     let names = "time,answers[1],answers[2],answers[3],source_out,uo,b:answers[1],b:answers[2],b:answers[3],b:source_out,\
                  reversed";
     assert_eq!(rows.next(), Some(names));
-    assert_eq!(rows.last(), Some("0.30000000000000004,-4,-5,-6,9,7,4,5,6,9,Zm9v"));
+    assert_eq!(rows.last(), Some("0.3,-4,-5,-6,9,7,4,5,6,9,Zm9v"));
 }
 
 /// Tests a step with connected arrays of all types. The allocator counts the allocations of this thread.

@@ -655,7 +655,7 @@ def simulate(
         coupling = rates.Coupling(run, simulation, slaves, players, bus) if rates.Coupling.is_needed(run) else None
         end: RunError | None = None
         for k in range(steps):
-            time = start + k * step
+            time = rates.time_of(simulation, k)
             board.step(time, k)
             size = rates.step_size(simulation, k, time)
             for player in () if coupling else players:
@@ -676,10 +676,12 @@ def simulate(
                     end = end or ended
                 for slave in slaves:
                     slave.read(time)
-            finite(start + (k + 1) * step, "fmi2DoStep")
+            now = rates.time_of(simulation, k + 1)
+            finite(now, "fmi2DoStep")
             if (k + 1) % every == 0:
-                record((k + 1) // every, start + (k + 1) * step)
+                record((k + 1) // every, now)
             if end is not None:
+                end.time = now
                 break
         if is_repeated:
             slaves.clear()
@@ -689,7 +691,7 @@ def simulate(
             _end(slaves, time)
         else:
             for slave in slaves:
-                slave.terminate(start + steps * step)
+                slave.terminate(simulation.stop)
     except RunError as error:
         error.recorded = (times[:done], rows[:done]) if done else None
         if error.fatal:
