@@ -241,7 +241,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 18] = [
+        let stages: [(&str, Topic, Stage<'_>); 19] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -254,6 +254,7 @@ impl Trial<'_> {
             ("adjoint derivatives", Standard, Self::adjoint),
             ("dependencies at the start", Standard, Self::initial_dependencies),
             ("dependencies between steps", Standard, Self::step_dependencies),
+            ("dependencies of elements", Standard, Self::element_dependencies),
             ("step size of the solver", Simulation, Self::step_size),
             ("types of FMI 3.0", Standard, Self::types),
             (STRUCTURE, Standard, Self::structure),

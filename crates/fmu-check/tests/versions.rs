@@ -135,6 +135,26 @@ fn defects_of_model_exchange_are_found() {
     }
 }
 
+/// FMI 3.0.2, section 2.2.10: dependencies are on variables in ModelStructure, and on elements that exist.
+#[test]
+fn wrong_dependencies_of_elements_are_found() {
+    let handles = "canHandleVariableCommunicationStepSize=\"true\"";
+    let both = format!("{handles} providesPerElementDependencies=\"true\"");
+    let promised = [(handles, both.as_str())];
+    let of_y = "among the dependencies of `y`";
+    for (defects, expected) in [
+        (&[][..], None),
+        (&["DEPENDENCY=9"], Some("`flag`, which is missing from its dependencies in ModelStructure")),
+        (&["DEPENDENCY=99"], Some("the value reference 99, which is no variable")),
+        (&["ELEMENT=2"], Some("element 2 of `u`, whose size is 1")),
+    ] {
+        let (looked_at, lines) = checked(&Decay { defects, edits: &promised, ..Decay::new(FmiVersion::V3) });
+        let expected = expected.map(|what| format!("error: fmi3GetVariableDependencies: names {what}, {of_y}"));
+        assert_eq!(lines, Vec::from_iter(expected));
+        assert!(looked_at.trials.contains(&"dependencies of elements".to_owned()), "{looked_at:?}");
+    }
+}
+
 /// A function that writes to the first element of an empty array is found.
 #[test]
 fn writes_without_elements_are_found() {

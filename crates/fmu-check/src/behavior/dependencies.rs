@@ -2,6 +2,7 @@
 
 use super::{CheckResult, Report, Trial, found, moved, values};
 use crate::Finding;
+use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, DataType, Unknown, Value, Variable};
 use fmu_import::loader::Instance;
 use std::collections::{BTreeSet, HashSet};
@@ -179,6 +180,38 @@ impl Trial<'_> {
                     search.list
                 );
                 found(report, Finding::warning(format!("variable `{name}`"), message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares `fmi3GetVariableDependencies` with the lists Outputs and Derivatives.
+    pub(super) fn element_dependencies(&self, report: Report<'_>) -> CheckResult<()> {
+        if !self.unit.provides_per_element_dependencies {
+            return Ok(());
+        }
+        let mut instance = self.started("elements")?;
+        for unknown in self.description.derivatives.iter().chain(&self.description.outputs) {
+            let variable = self.variable(unknown.variable);
+            let problem = |(own, reference, element): (usize, Reference, usize)| {
+                if self.description.clocks.iter().any(|clock| clock.reference == reference) {
+                    return None;
+                }
+                let is_it = |v: &&Variable| v.reference == reference && v.alias_of.is_none();
+                let Some(known) = self.description.variables.iter().find(is_it) else {
+                    return Some(format!("the value reference {reference}, which is no variable"));
+                };
+                let ends = [(own, variable), (element, known)].into_iter().find(|(at, of)| *at > of.size);
+                let named = unknown.dependencies.iter().flatten().any(|i| self.variable(*i).reference == reference);
+                match ends {
+                    Some((at, of)) => Some(format!("element {at} of `{}`, whose size is {}", of.name, of.size)),
+                    None if named || unknown.dependencies.is_none() => None,
+                    None => Some(format!("`{}`, which is missing from its dependencies in ModelStructure", known.name)),
+                }
+            };
+            if let Some(problem) = instance.get_dependencies(variable.reference)?.into_iter().find_map(problem) {
+                let message = format!("names {problem}, among the dependencies of `{}`", variable.name);
+                found(report, Finding::error("fmi3GetVariableDependencies", message));
             }
         }
         Ok(())

@@ -93,5 +93,9 @@ pub type SetInterval = call!(*const Reference, usize, *const f64);
 pub type GetShift = call!(*const Reference, usize, *mut f64);
 /// `fmi3CompletedIntegratorStep`: true if no earlier state will be restored; results: enter Event Mode, terminate.
 pub type CompletedIntegratorStep = call!(bool, *mut RawBoolean, *mut RawBoolean);
+/// `fmi3GetNumberOfVariableDependencies`: variable, number.
+pub type GetNumberOfDependencies = call!(Reference, *mut usize);
+/// `fmi3GetVariableDependencies`: variable, its elements, independents, their elements, kinds, number.
+pub type GetDependencies = call!(Reference, *mut usize, *mut Reference, *mut usize, *mut c_int, usize);
 /// `fmi3GetNumberOfEventIndicators`, `fmi3GetNumberOfContinuousStates`.
 pub type GetNumber = call!(*mut usize);

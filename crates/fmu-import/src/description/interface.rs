@@ -75,4 +75,6 @@ pub struct Capabilities {
     pub provides_directional_derivative: bool,
     /// Adjoint derivatives are supported (FMI 3.0).
     pub provides_adjoint_derivatives: bool,
+    /// The dependencies of each element of an array can be read (FMI 3.0).
+    pub provides_per_element_dependencies: bool,
 }

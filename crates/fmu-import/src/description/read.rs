@@ -179,6 +179,7 @@ fn capabilities(element: &Element, fmi: FmiVersion) -> Result<Capabilities, XmlE
         can_serialize_fmu_state: of("canSerializeFMUstate", "canSerializeFMUState")?,
         provides_directional_derivative: of("providesDirectionalDerivative", "providesDirectionalDerivatives")?,
         provides_adjoint_derivatives: flag("providesAdjointDerivatives")?,
+        provides_per_element_dependencies: flag("providesPerElementDependencies")?,
     })
 }
 

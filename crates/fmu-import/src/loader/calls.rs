@@ -50,7 +50,7 @@ functions! {
         GetString SetBoolean SetString GetFloat32 SetFloat32 GetInt8 SetInt8 GetUInt8 SetUInt8 GetInt16 SetInt16
         GetUInt16 SetUInt16 GetUInt32 SetUInt32 GetInt64 SetInt64 GetUInt64 SetUInt64 GetBinary SetBinary
         SetDebugLogging GetDirectionalDerivative GetAdjointDerivative EnterConfigurationMode ExitConfigurationMode
-        GetClock SetClock GetIntervalDecimal SetIntervalDecimal GetShiftDecimal
+        GetNumberOfVariableDependencies GetVariableDependencies GetClock SetClock GetIntervalDecimal SetIntervalDecimal GetShiftDecimal
         GetReal ["GetReal" "GetFloat64"]
         GetInteger ["GetInteger" "GetInt32"]
         SetReal ["SetReal" "SetFloat64"]

@@ -10,6 +10,8 @@ use crate::c_api::{self, Reference};
 use crate::description::{BaseType, FmiVersion, Value, Variable};
 use std::ptr;
 
+/// Maximum number of dependencies of a variable.
+const MOST_DEPENDENCIES: usize = 10_000_000;
 const NOT_SLOPE: CallProblem = CallProblem::Arguments("the order of an input's derivative must be 1");
 
 impl Instance {
@@ -390,6 +392,26 @@ impl Instance {
             let get = f.get_adjoint_derivative?;
             Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), seed.len(), result.as_mut_ptr(), result.len()))
         })
+    }
+
+    /// `fmi3GetVariableDependencies`: the dependencies of a variable at present, each as its element, the variable on
+    /// which it depends, and the element of that one. Elements count from 1; 0 is all elements.
+    pub fn get_dependencies(&mut self, of: Reference) -> Result<Vec<(usize, Reference, usize)>, CallError> {
+        let (number_of, function) = (Function::GetNumberOfVariableDependencies, Function::GetVariableDependencies);
+        let mut n = 0;
+        // SAFETY: live instance; the number is written through a valid pointer.
+        self.call_v3(number_of, |f, c| unsafe { Some(f.get_number_of_dependencies?(c, of, &raw mut n)) })?;
+        if n > MOST_DEPENDENCIES {
+            return Err(self.failure(number_of, CallProblem::Arguments("there are more than 10000000 dependencies")));
+        }
+        let (mut elements, mut independents, mut theirs, mut kinds) = (vec![0; n], vec![0; n], vec![0; n], vec![0; n]);
+        let arrays = (elements.as_mut_ptr(), independents.as_mut_ptr(), theirs.as_mut_ptr(), kinds.as_mut_ptr());
+        // SAFETY: live instance; all arrays have the stated length.
+        self.call_v3(function, |f, c| unsafe {
+            let (own, variables, their, kinds) = arrays;
+            Some(f.get_dependencies?(c, of, own, variables, their, kinds, n))
+        })?;
+        Ok(elements.into_iter().zip(independents).zip(theirs).map(|((own, of), its)| (own, of, its)).collect())
     }
 
     /// `fmi2SetRealInputDerivatives`; one order per reference, from 1. If [`Self::do_step`] integrates the states, the

@@ -394,6 +394,21 @@ ACCESS(String, Text,
 #endif
 DERIVATIVE(fmi3GetDirectionalDerivative, 0)
 DERIVATIVE(fmi3GetAdjointDerivative, 1)
+// y depends on x, and on a variable and an element that tests choose.
+#ifndef DEPENDENCY
+#define DEPENDENCY 4
+#endif
+#ifndef ELEMENT
+#define ELEMENT 1
+#endif
+EXPORT int fmi3GetNumberOfVariableDependencies(void *c, unsigned r, size_t *n) { (void)c; *n = r == 5 ? 2 : 0; return 0; }
+EXPORT int fmi3GetVariableDependencies(void *c, unsigned r, size_t *own, unsigned *on, size_t *theirs, int *kinds, size_t n) {
+    (void)c;
+    if (r != 5 || n != 2) return n ? 3 : 0;
+    own[0] = own[1] = theirs[0] = 1;
+    on[0] = 1; on[1] = DEPENDENCY; theirs[1] = ELEMENT; kinds[0] = kinds[1] = 1;
+    return 0;
+}
 EXPORT int fmi3DoStep(void *c, double t, double h, bool final, bool *event_needed, bool *terminate, bool *early,
                       double *reached) {
     (void)final;
@@ -441,8 +456,7 @@ EXPORT int fmi3GetNumberOfContinuousStates(void *c, size_t *n) {
 EXPORT int fmi3GetNumberOfEventIndicators(void *c, size_t *n) { (void)c; *n = 1; return 0; }
 /* Not supported */
 #define NONE(Name) EXPORT int fmi3##Name(void) { return 3; }
-NONE(GetBinary) NONE(SetBinary) NONE(GetClock) NONE(SetClock) NONE(GetNumberOfVariableDependencies)
-NONE(GetVariableDependencies) NONE(GetIntervalDecimal)
+NONE(GetBinary) NONE(SetBinary) NONE(GetClock) NONE(SetClock) NONE(GetIntervalDecimal)
 NONE(GetIntervalFraction) NONE(GetShiftDecimal) NONE(GetShiftFraction) NONE(SetIntervalDecimal) NONE(SetIntervalFraction)
 NONE(SetShiftDecimal) NONE(SetShiftFraction) NONE(EvaluateDiscreteStates) NONE(EnterStepMode) NONE(GetOutputDerivatives)
 #ifdef RESIZED

@@ -6,9 +6,7 @@ use crate::description::Interface;
 use std::ffi::c_char;
 
 /// Functions that this crate never calls.
-pub(super) const UNUSED: [&str; 8] = [
-    "fmi3GetNumberOfVariableDependencies",
-    "fmi3GetVariableDependencies",
+pub(super) const UNUSED: [&str; 6] = [
     "fmi3GetIntervalFraction",
     "fmi3GetShiftFraction",
     "fmi3SetIntervalFraction",
@@ -64,6 +62,8 @@ table! {
         deserialize_state: v3::DeserializeState = "fmi3DeserializeFMUState",
         get_directional_derivative: v3::GetDerivative = "fmi3GetDirectionalDerivative",
         get_adjoint_derivative: v3::GetDerivative = "fmi3GetAdjointDerivative",
+        get_number_of_dependencies: v3::GetNumberOfDependencies = "fmi3GetNumberOfVariableDependencies",
+        get_dependencies: v3::GetDependencies = "fmi3GetVariableDependencies",
         get_clock: v3::GetClock = "fmi3GetClock",
         set_clock: v3::SetClock = "fmi3SetClock",
         get_interval: v3::GetInterval = "fmi3GetIntervalDecimal",
