@@ -86,7 +86,9 @@ fn a_restored_session_repeats_its_steps_and_input_series() {
         }
         session.free(later).unwrap();
         assert!(new(&plan, &fmus).restore(&start).is_err(), "the state is of another session");
-        assert_eq!(session.terminate().unwrap(), []);
+        // No warning but that of the start, where the FMU sets its output to `start`.
+        let warnings = session.terminate().unwrap();
+        assert!(warnings.iter().all(|(_, it)| it.text.contains("at the end of initialization")), "{warnings:?}");
     }
 }
 
