@@ -177,12 +177,25 @@ impl<'a> Graph<'a> {
         found
     }
 
+    /// The unknown slots whose values depend on that in a slot, directly or through others.
+    fn ahead(&self, slot: usize) -> BTreeSet<usize> {
+        let mut found = BTreeSet::new();
+        let mut open = vec![slot];
+        while let Some(next) = open.pop() {
+            let readers = self.outputs.iter().filter(|output| output.needs.contains(&next)).map(|output| output.slot);
+            open.extend(readers.filter(|reader| !self.known.contains(reader) && found.insert(*reader)));
+        }
+        found
+    }
+
     /// The first algebraic loop on which no other loop has an effect. Its signals are known from now on.
     fn solve(&mut self) -> (Evaluation, Vec<Connection>) {
         let unknown = || self.outputs.iter().filter(|output| !self.known.contains(&output.slot));
         // A signal of a loop depends on itself; in the first loop, all signals depend on each other.
-        let is_first = |slots: &BTreeSet<usize>| slots.iter().all(|slot| self.behind(*slot) == *slots);
-        let slots = unknown().map(|output| self.behind(output.slot)).find(|slots| !slots.is_empty() && is_first(slots));
+        let is_mutual =
+            |slots: &BTreeSet<usize>, slot| self.behind(slot) == *slots && slots.is_subset(&self.ahead(slot));
+        let is_first = |slots: &BTreeSet<usize>| slots.first().is_some_and(|slot| is_mutual(slots, *slot));
+        let slots = unknown().map(|output| self.behind(output.slot)).find(is_first);
         let slots = slots.unwrap_or_default();
         let members = || self.outputs.iter().filter(|output| slots.contains(&output.slot));
         let is_in_loop = |reader: &&Reader<'_>| {
