@@ -170,7 +170,7 @@ def test_calls_are_those_of_the_algorithm(scenario: Plan, run: Run) -> None:
 
 def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
     times, rows = master.simulate(run, scenario.simulation, System())
-    assert times.tolist() == [0.0, 0.1, 0.2, 0.0 + 3 * 0.1]
+    assert times.tolist() == [0.0, 0.1, 0.2, 0.3]
     assert rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
     # Sum of step * 2 * (k + 0.5) for k = 1, 2, 3; exact up to rounding.
     assert rows[:, 1] == pytest.approx([0.0, 0.3, 0.8, 1.5], abs=1e-15)
@@ -210,7 +210,7 @@ def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
 
 
 def test_every_records_every_nth_step(scenario: Plan, run: Run) -> None:
-    sparse = replace(scenario.simulation, steps=5, every=2)
+    sparse = replace(scenario.simulation, stop=0.5, steps=5, every=2)
     times, rows = master.simulate(run, sparse, System())
     assert times.tolist() == [0.0, 0.2, 0.4]
     assert rows[:, 0].tolist() == [0.0, 2.0, 4.0]
