@@ -37,10 +37,13 @@ class NoSolutionError(Exception):
 def solve(
     start: Sequence[float],
     nominal: Sequence[float],
-    evaluate: Callable[[list[float]], list[float]],
-    derivatives: Callable[[], list[list[float]]] | None,
+    evaluate: Callable[[list[float]], list[float] | None],
+    derivatives: Callable[[], list[list[float]] | None] | None,
 ) -> list[float]:
-    """Return the solution of z = evaluate(z); `derivatives` returns the derivatives at the last z by columns."""
+    """Return the solution of z = evaluate(z); `derivatives` returns the derivatives at the last z by columns.
+
+    Both return None where they are not defined.
+    """
 
 class ScenarioError(Exception):
     """A scenario or a value that cannot be used."""

@@ -21,15 +21,16 @@ impl Equations for Functions<'_> {
     type Error = PyErr;
 
     fn evaluate(&mut self, z: &[f64]) -> PyResult<Vec<f64>> {
-        self.evaluate.call1((z.to_vec(),))?.extract()
+        let found: Option<_> = self.evaluate.call1((z.to_vec(),))?.extract()?;
+        Ok(found.unwrap_or_else(|| vec![f64::NAN; z.len()]))
     }
 
     fn derivatives(&mut self) -> PyResult<Option<Vec<Vec<f64>>>> {
-        self.derivatives.as_ref().map(|derivatives| derivatives.call0()?.extract()).transpose()
+        self.derivatives.as_ref().map_or(Ok(None), |derivatives| derivatives.call0()?.extract())
     }
 }
 
-/// Solves z = evaluate(z); see `fmu_system::algebraic`.
+/// Solves z = evaluate(z); see `fmu_system::algebraic`. Both functions may return None: not defined at this z.
 #[pyfunction]
 #[pyo3(signature = (start, nominal, evaluate, derivatives))]
 pub(crate) fn solve<'py>(

@@ -62,8 +62,12 @@ to = "b:b"
 )
 
 
-# u^3 + 2 u - 4 = 0.
+# u^3 + 2 u - 4 = 0, and u^3 + 0.3375 u - 3.375 = 0.
 ROOT = math.sqrt(4 + 8 / 27)
+SECOND_ROOT = math.sqrt(1.6875**2 + 0.1125**3)
+# The second function, which is discarded above 1.55. Newton's first step ends at 10.
+PARTLY_DEFINED = "u > 1.55 ? 0. / 0. : 1 + 0.9 * u - u * u * u / 3.375"
+SECOND = (SECOND_ROOT + 1.6875) ** (1 / 3) - (SECOND_ROOT - 1.6875) ** (1 / 3)
 
 
 def build(
@@ -78,7 +82,8 @@ def build(
     stubs = "\n".join(f"EXPORT int fmi2{function}(void) {{ return 3; }}" for function in MISSING.split())
     source.write_text(f"{SOURCE.read_text()}\n{stubs}\n")
     # The derivative in the source is real[2].
-    follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; }}"
+    discard = "if (i->v.real[1] != i->v.real[1]) return 2;"
+    follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; {discard} }}"
     last = follow if end is None else f"i->v.real[1] = {end}"
     macros = [f"-DFOLLOW={follow}", f"-DEXIT={last}", f"-DSTEP={{ {follow} return 0; }}"]
     macros.append("-DBOOLEAN=i->v.boolean[0]")
@@ -98,6 +103,8 @@ def build(
         ("0.5 * u + 1", "0.5", 2.0),
         ("0.5 * u + 1", None, 2.0),
         ("-3 * u + 4", "-3", 1.0),
+        (PARTLY_DEFINED, "0.9 - u * u / 1.125", SECOND),
+        (PARTLY_DEFINED, None, SECOND),
         ("2 - 0.5 * u * u * u", "-1.5 * u * u", (2 + ROOT) ** (1 / 3) - (ROOT - 2) ** (1 / 3)),
     ],
 )

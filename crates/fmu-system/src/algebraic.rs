@@ -27,7 +27,7 @@ pub trait Equations {
     /// Error of the evaluation.
     type Error;
 
-    /// Returns G(z).
+    /// Returns G(z), NaN where it is not defined.
     ///
     /// # Errors
     /// It cannot be evaluated.
@@ -79,8 +79,11 @@ pub fn solve<S: Equations>(equations: &mut S, start: &[f64], nominal: &[f64]) ->
         if is_solved(&g, &z) {
             return Ok(z);
         }
-        remaining = residual(&g, &z);
-        z = g;
+        let now = residual(&g, &z);
+        if !now.is_finite() {
+            break;
+        }
+        (remaining, z) = (now, g);
     }
 
     z = start.to_vec();

@@ -4,7 +4,7 @@ use crate::run::{Component, Run};
 use fmu_import::archive::read_description_with;
 use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
-use fmu_import::loader::{CallError, CallProblem, Instance, Status};
+use fmu_import::loader::{CallError, CallProblem, Instance};
 use std::path::{Path, PathBuf};
 
 const HELP_LOOP: &str = "break it with a delay, or give the input another start value";
@@ -72,16 +72,19 @@ pub enum FmusError {
 }
 
 impl FmusError {
-    /// True if a shorter step may succeed.
+    /// True if a shorter step may succeed: an FMU has discarded the step or a value at its end, or signals have not
+    /// converged.
     pub(crate) fn is_of_long_step(&self) -> bool {
-        matches!(self, Self::Unsettled { .. }) || self.discarded().is_some()
+        match self {
+            Self::Fmu(FmuError::Call(call)) => call.is_discarded() || call.problem == CallProblem::EarlyReturn,
+            other => matches!(other, Self::Unsettled { .. }),
+        }
     }
 
     /// The call, if an FMU has discarded a step.
     pub(crate) fn discarded(&self) -> Option<&CallError> {
         let Self::Fmu(FmuError::Call(call)) = self else { return None };
-        let is_discarded = matches!(call.problem, CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn);
-        (is_discarded && matches!(call.function, "fmi2DoStep" | "fmi3DoStep")).then_some(call)
+        (self.is_of_long_step() && matches!(call.function, "fmi2DoStep" | "fmi3DoStep")).then_some(call)
     }
 }
 

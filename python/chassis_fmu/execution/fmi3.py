@@ -60,8 +60,8 @@ EXACT = ("Int64", "UInt64")
 # Signals are doubles, which represent all whole numbers up to this one.
 LARGEST_WHOLE = 2**53
 
-# A step that ends earlier than this before its end, in steps, has returned early even without the flag. FMUs add up step
-# sizes: after 1,000,000 steps of 1 ms, the sum is wrong by 2e-5 steps.
+# A step that ends earlier than this before its end, in steps, has returned early even without the flag. FMUs add up
+# step sizes: after 1,000,000 steps of 1 ms, the sum is wrong by 2e-5 steps.
 EARLY = 1e-3
 
 # Largest number of Booleans in a call, as in the native master.
@@ -312,7 +312,7 @@ class Functions:
         """Get directional derivatives."""
         count, reals = ctypes.c_size_t, ctypes.POINTER(ctypes.c_double)
         kinds = (_REFERENCES, count, _REFERENCES, count, reals, count, reals, count)
-        get = _function(self._library, "fmi3GetDirectionalDerivative", *kinds)
+        get = _function(self.library, "fmi3GetDirectionalDerivative", *kinds)
         return get(component, unknowns, results, knowns, seeds, seed, seeds, result, results)
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:

@@ -72,14 +72,19 @@ class RunError(Exception):
     fatal: bool = False
     is_end: bool = False
     """The FMU has asked to end the simulation; this is not an error."""
-    is_discarded: bool = False
-    """The FMU has discarded a step."""
+    status: int | None = None
+    """The status that the function has returned."""
     recorded: tuple[Array, Array] | None = None
     """Times and rows before the error."""
 
     def __post_init__(self) -> None:
         # Copy the messages, because the log continues.
         self.messages = tuple(self.messages)
+
+    @property
+    def is_discarded(self) -> bool:
+        """The FMU has discarded a step."""
+        return self.status == DISCARD and self.function.endswith("DoStep")
 
     def __str__(self) -> str:
         when = "" if self.time is None else f" at t = {self.time:.9g} s"
@@ -279,7 +284,7 @@ class Slave:
                 detail,
                 _log.get(self.component.name, ()),
                 fatal=status == FATAL,
-                is_discarded=status == DISCARD and function == self._named("fmi2DoStep"),
+                status=status,
             )
 
     def _named(self, function: str) -> str:

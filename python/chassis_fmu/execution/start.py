@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 from .. import _native
 from .bus import Array, ExactValues
@@ -11,6 +11,8 @@ from .bus import Array, ExactValues
 if TYPE_CHECKING:
     from ..files.plan import AlgebraicLoop
     from .master import Slave
+
+T = TypeVar("T")
 
 # Maximum number of rounds until the signals that are not Real no longer change.
 ROUNDS = 10
@@ -35,6 +37,22 @@ def change(slaves: Sequence[Slave], before: Array, after: Array) -> tuple[str, s
                 text = f"output `{wire.name}` changes from {old} to {new} at the end of initialization"
                 return slave.component.name, f"{text}; the inputs that read it were initialized with the first value"
     return None
+
+
+def _unless_discarded(call: Callable[..., T]) -> Callable[..., T | None]:
+    """Return a function that returns None where a component discards a call."""
+    # `master` imports this module.
+    from .master import DISCARD, RunError
+
+    def called(*arguments: list[float]) -> T | None:
+        try:
+            return call(*arguments)
+        except RunError as error:
+            if error.status == DISCARD:
+                return None
+            raise
+
+    return called
 
 
 class _Values:
@@ -79,7 +97,8 @@ def solve(equations: AlgebraicLoop, slaves: Sequence[Slave], bus: Array, exact: 
             return columns
 
         nominal = [unknown.nominal for unknown in equations.unknowns]
-        z = _native.solve(z, nominal, values, derivatives if equations.has_derivatives else None)
+        slopes = _unless_discarded(derivatives) if equations.has_derivatives else None
+        z = _native.solve(z, nominal, _unless_discarded(values), slopes)
         values(z)
         if held.is_same(_Values(equations.held, bus, exact)):
             return

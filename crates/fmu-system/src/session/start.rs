@@ -96,7 +96,11 @@ impl Equations for System<'_> {
         for (unknown, value) in self.equations.unknowns.iter().zip(z) {
             self.bus.numbers[unknown.slot] = *value;
         }
-        evaluate(self.components, self.members, self.bus, Some(self.held))?;
+        match evaluate(self.components, self.members, self.bus, Some(self.held)) {
+            // Not defined here: the solver tries a point that is nearer to the one before.
+            Err(error) if error.is_discarded() => return Ok(vec![f64::NAN; z.len()]),
+            evaluated => evaluated?,
+        }
         Ok(self.equations.unknowns.iter().map(|unknown| self.bus.numbers[unknown.slot]).collect())
     }
 
@@ -126,7 +130,10 @@ impl Equations for System<'_> {
                     continue;
                 }
                 let mut found = vec![0.0; rows.len()];
-                instance.get_directional_derivative(&results, &knowns, &seed, &mut found)?;
+                match instance.get_directional_derivative(&results, &knowns, &seed, &mut found) {
+                    Err(error) if error.is_discarded() => return Ok(None),
+                    evaluated => evaluated?,
+                }
                 for (row, value) in rows.iter().zip(found) {
                     column[*row] = value;
                 }

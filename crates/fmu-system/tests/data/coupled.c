@@ -84,6 +84,9 @@ EXPORT int fmi2ExitInitializationMode(void *c) { output(&((Instance *)c)->v); re
 EXPORT int fmi2Terminate(void *c) { (void)c; return 0; }
 EXPORT int fmi2Reset(void *c) { (void)c; return 3; }
 EXPORT int fmi2GetReal(void *c, const unsigned *r, size_t n, double *v) {
+#ifdef NARROW /* the longest step with defined outputs */
+    if (((Instance *)c)->v.reached - ((Instance *)c)->v.start > NARROW) return 2;
+#endif
     for (size_t k = 0; k < n; k++) v[k] = ((Instance *)c)->v.real[r[k]];
     return 0;
 }
