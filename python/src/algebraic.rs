@@ -41,8 +41,6 @@ pub(crate) fn solve<'py>(
 ) -> PyResult<Vec<f64>> {
     algebraic::solve(&mut Functions { evaluate, derivatives }, &start, &nominal).map_err(|error| match error {
         Unsolved::Evaluation(error) => error,
-        Unsolved::NoSolution { reason, detail } => {
-            NoSolutionError::new_err((format!("has no solution ({reason})"), detail))
-        }
+        Unsolved::NoSolution { problem, detail } => NoSolutionError::new_err((problem, detail)),
     })
 }

@@ -19,6 +19,8 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 const FIXED_POINT_ITERATIONS: usize = 5;
 const NEWTON_ITERATIONS: usize = 50;
 const HALVINGS: i32 = 8;
+const SINGULAR: &str = "has no solution (singular Jacobian)";
+const NO_CONVERGENCE: &str = "has no solution (no convergence)";
 /// Maximum number of unknowns.
 pub(crate) const MAX_UNKNOWNS: usize = 1000;
 
@@ -44,10 +46,10 @@ pub trait Equations {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Unsolved<E> {
     /// No solution was found.
-    #[error("has no solution ({reason}): {detail}")]
+    #[error("{problem}: {detail}")]
     NoSolution {
-        /// `singular Jacobian` or `no convergence`.
-        reason: &'static str,
+        /// `has no solution (REASON)`.
+        problem: &'static str,
         /// Largest residual in nominal values after the fixed-point iteration, in words.
         detail: String,
     },
@@ -114,15 +116,13 @@ pub fn solve<S: Equations>(equations: &mut S, start: &[f64], nominal: &[f64]) ->
             None => break,
         }
     }
-    let reason = if is_regular { "no convergence" } else { "singular Jacobian" };
+    let problem = if is_regular { NO_CONVERGENCE } else { SINGULAR };
     let found = match remaining.is_finite() {
         true => format!("residual {}", significant(remaining, 6)),
         false => "values that are not finite".to_owned(),
     };
-    Err(Unsolved::NoSolution {
-        reason,
-        detail: format!("{found} after {FIXED_POINT_ITERATIONS} fixed-point iterations"),
-    })
+    let detail = format!("{found} after {FIXED_POINT_ITERATIONS} fixed-point iterations");
+    Err(Unsolved::NoSolution { problem, detail })
 }
 
 /// Returns the step of Newton's method, and true if the rounding errors of the Jacobian do not make it singular; `None`
@@ -133,14 +133,9 @@ fn newton_step<S: Equations>(
     g: &[f64],
     scale: &[f64],
 ) -> Result<Option<(Vec<f64>, bool)>, S::Error> {
-    let derivatives = equations.derivatives()?;
-    let (max_condition, epsilon) = match derivatives {
-        Some(_) => (MAX_CONDITION[0], 0.0),
-        None => (MAX_CONDITION[1], ROUNDING),
-    };
-    let columns = match derivatives {
-        Some(columns) => columns,
-        None => differences(equations, z, |i| DIFFERENCE * scale[i])?,
+    let (columns, max_condition, rounding) = match equations.derivatives()? {
+        Some(columns) => (columns, MAX_CONDITION[0], 0.0),
+        None => (differences(equations, z, |i| DIFFERENCE * scale[i])?, MAX_CONDITION[1], ROUNDING),
     };
     let size = z.len();
     let entry = |i: usize, j: usize| (f64::from(u8::from(i == j)) - columns[j][i]) * scale[j] / scale[i];
@@ -155,8 +150,8 @@ fn newton_step<S: Equations>(
     if least * max_condition <= most {
         return Ok(None);
     }
-    let rounding = DVector::from_fn(size, |i, _| epsilon * g[i] / scale[i]).component_div(&balance).norm();
-    let is_certain = least > rounding * balance.norm() / DIFFERENCE;
+    let error = rounding * DVector::from_fn(size, |i, _| g[i] / scale[i]).component_div(&balance).norm();
+    let is_certain = least > error * balance.norm() / DIFFERENCE;
     let step = decomposed.solve(&defect.component_div(&balance), 0.0);
     Ok(step.ok().map(|step| ((0..size).map(|i| step[i] * balance[i] * scale[i]).collect(), is_certain)))
 }
@@ -201,7 +196,7 @@ mod tests {
     fn solution(a: fn(f64) -> f64, b: fn(f64) -> f64) -> Result<f64, &'static str> {
         match solve(&mut Functions(a, b), &[0.0, 0.0], &[1.0, 1.0]) {
             Ok(z) => Ok(z[0]),
-            Err(Unsolved::NoSolution { reason, .. }) => Err(reason),
+            Err(Unsolved::NoSolution { problem, .. }) => Err(problem),
             Err(other) => panic!("{other:?}"),
         }
     }
@@ -222,16 +217,16 @@ mod tests {
             let found = solution(a, b).unwrap();
             assert!((found - expected).abs() <= 1e-8 * expected, "{found}, not {expected}");
         }
-        for (a, reason) in [
-            ((|u| u + 1.0) as fn(f64) -> f64, "singular Jacobian"),
+        for (a, problem) in [
+            ((|u| u + 1.0) as fn(f64) -> f64, SINGULAR),
             // Differences have errors of 6e-8 and 4e-10.
-            (|u| u + 1000.0, "singular Jacobian"),
-            (|u| u + 6.0, "singular Jacobian"),
-            (|u| u * u + 1.0, "no convergence"),
-            (|u| libm::sqrt(u - 1.0), "singular Jacobian"),
-            (|u| 1e200 * u + 1.0, "singular Jacobian"),
+            (|u| u + 1000.0, SINGULAR),
+            (|u| u + 6.0, SINGULAR),
+            (|u| u * u + 1.0, NO_CONVERGENCE),
+            (|u| libm::sqrt(u - 1.0), SINGULAR),
+            (|u| 1e200 * u + 1.0, SINGULAR),
         ] {
-            assert_eq!(solution(a, same), Err(reason));
+            assert_eq!(solution(a, same), Err(problem));
         }
     }
 
@@ -258,6 +253,6 @@ mod tests {
             let found = solve(&mut functions, &[0.0, 0.0], &nominal).unwrap()[0];
             assert!((found - expected).abs() <= tolerance * expected, "{found}, not {expected}");
         }
-        assert_eq!(solution(|u| 1e12 * u + 1e6, |u| 1e-12 * u), Err("singular Jacobian"));
+        assert_eq!(solution(|u| 1e12 * u + 1e6, |u| 1e-12 * u), Err(SINGULAR));
     }
 }

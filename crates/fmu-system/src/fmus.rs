@@ -37,7 +37,7 @@ pub enum FmusError {
     #[error("the algebraic loop at the start {problem}: {path}; {detail}; {HELP_LOOP}")]
     Loop {
         /// `has no solution (REASON)` or `does not settle`.
-        problem: String,
+        problem: &'static str,
         /// The loop: `a:y -> b:u -> b:y -> a:u`.
         path: String,
         /// Details of the problem.

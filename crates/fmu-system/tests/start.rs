@@ -275,7 +275,7 @@ fn a_loop_of_too_many_unknowns_is_an_error() {
                 case = [{ name = \"only\", title = \"Only\", inputs.a.p_free = 0.0, inputs.b.q_free = 0.0 }]\n\
                 record.signals = [\"a:q0\"]\n";
     let message = resolved(&folder, text).unwrap_err();
-    let expected = "the algebraic loop of `a:q0` at the start must have up to 1000 unknowns, got 1002";
+    let expected = "the algebraic loop of `a:q0` must have up to 1000 unknowns, got 1002";
     assert!(message.contains(expected), "{message}");
 }
 

@@ -97,9 +97,8 @@ impl Resolver<'_> {
         let loops = run.initialization.iter().filter_map(|part| part.equations.as_ref());
         for found in loops.filter(|found| found.unknowns.len() > MAX_UNKNOWNS) {
             let (first, count) = (found.path.split(' ').next().unwrap_or_default(), found.unknowns.len());
-            let message = format!(
-                "the algebraic loop of `{first}` at the start must have up to {MAX_UNKNOWNS} unknowns, got {count}"
-            );
+            let message =
+                format!("the algebraic loop of `{first}` must have up to {MAX_UNKNOWNS} unknowns, got {count}");
             let help = "break it with a delay, such as a discrete component".to_owned();
             self.problems.add_with_help(system.case.name.span(), message, Some(help));
         }

@@ -56,7 +56,7 @@ pub(super) fn solve(
     members: &mut [Component],
     bus: &mut Bus,
 ) -> Result<(), FmusError> {
-    let unsolved = |problem: String, detail| FmusError::Loop { problem, path: equations.path.clone(), detail };
+    let unsolved = |problem, detail| FmusError::Loop { problem, path: equations.path.clone(), detail };
     let nominal: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.nominal).collect();
     let mut z: Vec<f64> = equations.unknowns.iter().map(|unknown| unknown.start).collect();
     for _ in 0..ROUNDS {
@@ -65,16 +65,14 @@ pub(super) fn solve(
         z = match algebraic::solve(&mut system, &z, &nominal) {
             Ok(solution) => solution,
             Err(Unsolved::Evaluation(error)) => return Err(error.into()),
-            Err(Unsolved::NoSolution { reason, detail }) => {
-                return Err(unsolved(format!("has no solution ({reason})"), detail));
-            }
+            Err(Unsolved::NoSolution { problem, detail }) => return Err(unsolved(problem, detail)),
         };
         system.evaluate(&z)?;
         if equations.held.iter().all(|slot| bus.is_same(*slot, &held)) {
             return Ok(());
         }
     }
-    Err(unsolved("does not settle".into(), format!("signals that are not Real change in each of {ROUNDS} rounds")))
+    Err(unsolved("does not settle", format!("signals that are not Real change in each of {ROUNDS} rounds")))
 }
 
 struct System<'a> {
