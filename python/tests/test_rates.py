@@ -52,6 +52,7 @@ def build(folder: Path, name: str) -> None:
     )
     variables = [variable.format(name, k, "input", "continuous", 'start="0"') for k, name in enumerate(inputs)]
     variables += [variable.format(n, k, "output", kind, "") for k, (n, kind) in enumerate(outputs.items(), 2)]
+    variables.append(variable.format("limit", 7, "parameter", "fixed", 'start="1e9"'))
     every = " ".join(str(k + 1) for k in range(len(inputs)))
     unknowns = "".join(
         f'<Unknown index="{len(inputs) + 1 + k}" dependencies="{every if output == "force" else ""}"/>'
@@ -158,9 +159,31 @@ def test_fmpy_refuses_what_only_the_native_master_does(
     assert f"only the native master executes a scenario with `{keys.split()[0]}`; leave out --engine fmpy" in found
 
 
-def test_a_linear_series_is_followed_to_its_jump(tmp_path: Path, fmus: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_numbers_of_steps_are_reported(tmp_path: Path, fmus: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Steps that are the smallest are a warning; a run that fails has its numbers, too."""
+    out = tmp_path / "out"
+    keys = "stop = 0.1\nstep = 0.01\nerror_control = { tolerance = 1e-9, min_step = 0.005 }"
+    file = write(tmp_path / "least.toml", keys, {"S1": "", "S2": ""}, '"x1"')
+    code, text = chassis("run", file, "--fmus", fmus, "--out", out, "--no-page")
+    found = unwrapped(text + capfd.readouterr().err)
+    assert code == 0
+    assert "20 steps accepted, 0 rejected; sizes from 0.005 s to 0.005 s" in found
+    assert "warning: 20 steps of the size `min_step` have an error above the tolerance" in found
+    # The component could make a step of 1e-6 s, but 1/1024 of 0.01 s is the limit.
+    limit = {"S1": "", "S2": "parameters = { limit = 1e-6 }"}
+    file = write(tmp_path / "none.toml", "stop = 0.1\nstep = 0.01", limit, '"x1"')
+    code, text = chassis("run", file, "--fmus", fmus, "--out", out, "--no-page")
+    assert code == 1
+    (status,) = json.loads((out / "none" / "runs" / "status.json").read_text())["runs"]
+    assert (status["status"], status["end"], status["steps"]["rejected"]) == ("discarded", 0.0, 1)
+
+
+@pytest.mark.parametrize("more", ["", '\nstep_argument = "difference"'])
+def test_a_linear_series_is_followed_to_its_jump(
+    more: str, tmp_path: Path, fmus: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "force.csv").write_text("time,force\n0,0\n0.35,8\n0.4,8\n0.4,-2\n1,5\n")
-    keys = 'stop = 1.0\nstep = 0.1\nextrapolation = "linear"'
+    keys = 'stop = 1.0\nstep = 0.1\nextrapolation = "linear"' + more
     file = write(tmp_path / "series.toml", keys, {"S1": "substeps = 2"}, '"x1"')
     files = []
     for engine in ("native", "fmpy"):

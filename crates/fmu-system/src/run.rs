@@ -566,7 +566,7 @@ pub struct Recording {
     pub seconds: f64,
     /// Late steps of a run in real time.
     pub real_time: Option<RealTime>,
-    /// Numbers of steps under error control.
+    /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     pub steps: Option<StepCounts>,
 }
 

@@ -38,7 +38,7 @@ mod start;
 use self::control::Coupling;
 use self::events::{Group as ClockedGroup, Signals};
 use self::rates::{Interval, Memory};
-use crate::failure::Failure;
+use crate::failure::{Failure, FailureKind};
 use crate::fmus::{FmusError, Instances};
 use crate::parameter;
 use crate::run::{
@@ -54,6 +54,9 @@ use std::collections::BTreeMap;
 /// Tolerance, in steps, for the time that an FMU reports at the end of a step: FMUs add up step sizes, which are
 /// rounded.
 const STEP_SLACK: f64 = 1e-6;
+
+const HELP_DISCARDED: &str = "; choose a smaller `step`; only `chassis run` repeats a step in shorter ones, if all FMUs can \
+                              save their state and make steps of any size";
 
 /// Variables of one base type, set or read by one call.
 struct Group<T> {
@@ -516,7 +519,7 @@ impl Session {
 
     /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     pub(crate) fn counts(&self) -> Option<StepCounts> {
-        self.coupling.as_ref().map(|coupling| coupling.exchange.counts).filter(|counts| counts.accepted > 0)
+        self.coupling.as_ref().map(|own| own.exchange.counts).filter(|counts| *counts != StepCounts::default())
     }
 
     /// The signals at the current time.
@@ -706,7 +709,13 @@ impl Session {
 
     #[cold]
     fn failed(&self, time: Option<f64>, error: impl Into<FmusError>) -> Failure {
-        Failure::of(&self.run, time, error)
+        let mut failure = Failure::of(&self.run, time, error);
+        if failure.kind == FailureKind::Discarded && self.coupling.as_ref().is_none_or(|own| own.retry.is_none()) {
+            // Log messages follow on further lines.
+            let end = failure.message.find('\n').unwrap_or(failure.message.len());
+            failure.message.insert_str(end, HELP_DISCARDED);
+        }
+        failure
     }
 
     /// From instantiation to the end of initialization; see the top of this file.

@@ -305,6 +305,7 @@ fn differences_of_times_add_up_to_the_next_time() {
         ("", S1_FIRST, [54.0, 54.0]),
         ("step_argument = \"difference\"", S1_FIRST, [0.0, 0.0]),
         ("", [("S1", "every = 7"), ("S2", "substeps = 3")], [0.0, 0.0]),
+        ("step_argument = \"difference\"", [("S1", "every = 7"), ("S2", "substeps = 3")], [0.0, 0.0]),
     ] {
         let text = scenario(&format!("stop = 20.0\nstep = 0.1\n{keys}"), &components, "\"s1_gaps\", \"s2_gaps\"");
         assert_eq!(row(&run(&resolved(&folder, &text).unwrap()), 20.0), gaps, "{keys} {components:?}");
@@ -362,8 +363,10 @@ fn a_linear_series_is_followed_exactly() {
         let plan = resolve_text(Path::new("c.toml"), &text, &FmuFolder::new([folder.path()]), &options).unwrap();
         row(&run(&plan), 1.0)
     };
-    let (fine, coarse) = (find("0.001"), find("0.1"));
-    assert!(fine.iter().zip(&coarse).all(|(a, b)| (a - b).abs() < 1e-9), "{fine:?} {coarse:?}");
+    let fine = find("0.001");
+    for coarse in [find("0.1"), find("0.1\nstep_argument = \"difference\"")] {
+        assert!(fine.iter().zip(&coarse).all(|(a, b)| (a - b).abs() < 1e-9), "{fine:?} {coarse:?}");
+    }
 }
 
 #[test]
@@ -513,6 +516,51 @@ fn steps_do_not_become_smaller_than_the_smallest() {
     let steps = oscillation(&folder, keys, &S1_FIRST).2.steps.unwrap();
     assert_eq!((steps.accepted, steps.inaccurate), (400, 400));
     assert!((steps.smallest - 0.005).abs() < 1e-12 && (steps.largest - 0.005).abs() < 1e-12, "{steps:?}");
+}
+
+/// Outputs are defined after steps of up to 6 ms.
+#[test]
+fn error_control_rejects_steps_after_which_an_output_is_not_defined() {
+    let folder = oscillator_with([ALL; 2], &["NARROW=0.006"]);
+    let keys = "step = 0.02\nerror_control = { tolerance = 1.0, initial_step = 0.02 }";
+    let steps = oscillation(&folder, keys, &S1_FIRST).2.steps.unwrap();
+    assert!(steps.rejected > 0 && steps.largest <= 0.006, "{steps:?}");
+    // A session cannot repeat the step; its message names what can.
+    let folder = oscillator_with([ALL; 2], &[]);
+    let limited = [("S1", ""), ("S2", "parameters = { limit = 0.03 }")];
+    let plan = resolved(&folder, &scenario("stop = 1.0\nstep = 0.1", &limited, "\"x1\"")).unwrap();
+    let mut session = Session::new(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
+    let failure = session.step().unwrap_err();
+    assert_eq!(failure.kind, FailureKind::Discarded);
+    let message =
+        "`s2`: fmi2DoStep returned fmi2Discard; choose a smaller `step`; only `chassis run` repeats a step in ";
+    assert!(failure.message.starts_with(message), "{failure}");
+}
+
+/// Components whose steps may have any size: the plant is exact between the samples, with a factor on its input; the mass
+/// integrates a line of a series with a jump. So the results are those without discards.
+#[test]
+fn repeated_steps_keep_samples_conversions_and_series() {
+    let folder = multirate();
+    pack(folder.path(), "S1", ALL, &[], &["force"], &[("x1", 0.1), ("v1", 1.0)]);
+    let file = folder.path().join("force.csv");
+    std::fs::write(&file, "time,force\n0,0\n0.25,8\n0.25,-2\n1,5\n").unwrap();
+    let find = |limit: &str| {
+        let components = [("Sensor", ""), ("Controller", ""), ("Plant", limit), ("S1", limit)];
+        let text = scenario("stop = 1.0\nstep = 0.05\nextrapolation = \"linear\"", &components, "\"y\", \"x1\"");
+        let wire = "[[connection]]\nfrom = \"controller:u\"\nto = \"plant:u\"\nfactor = 0.5\noffset = 0.1\n[[case]]";
+        let options = Options { inputs: Some(file.clone()), ..Options::default() };
+        let text = text.replace("[[case]]", wire);
+        let plan = resolve_text(Path::new("c.toml"), &text, &FmuFolder::new([folder.path()]), &options);
+        run(&plan.map_err(|error| error.lines().join("\n")).unwrap())
+    };
+    let (whole, short) = (find(""), find("parameters = { limit = 0.02 }"));
+    let steps = short.steps.unwrap();
+    // 0.02, 0.02 and 0.01 s; the plant discards, then the mass has the same limit.
+    assert_eq!((whole.steps, steps.accepted, steps.rejected), (None, 60, 40));
+    for (a, b) in whole.columns.iter().flatten().zip(short.columns.iter().flatten()) {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+    }
 }
 
 /// The reference is the run without restoring.

@@ -36,7 +36,7 @@ pub struct RunStatus {
     /// Only for a run in real time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub real_time: Option<RealTime>,
-    /// Numbers of steps of a complete run under error control.
+    /// Numbers of steps under error control, or with shorter steps instead of discarded ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepCounts>,
 }

@@ -17,7 +17,7 @@ pub(super) struct Coupling {
     pub(super) exchange: Exchange,
     parts: Vec<Part>,
     /// For shorter steps instead of discarded ones.
-    retry: Option<Start>,
+    pub(super) retry: Option<Start>,
 }
 
 /// Components that make their steps together. Parts are in order of execution.
@@ -56,7 +56,7 @@ impl States {
 }
 
 /// The start of a step, from which it can be repeated: states of components, signals, slopes, rows of input series.
-struct Start {
+pub(super) struct Start {
     states: States,
     bus: Bus,
     slopes: Vec<f64>,
@@ -195,10 +195,10 @@ impl Start {
                 let reached = members[index].instance.last_successful_time().unwrap_or(at.time);
                 let is_within = at.time < reached && reached < at.end;
                 let end = if is_within { reached } else { at.time + 0.5 * (at.end - at.time) };
+                stage.exchange.counts.rejected += 1;
                 if stage.exchange.is_discrete(index) || end - at.time < stage.exchange.simulation.step / 1024.0 {
                     return Err(error);
                 }
-                stage.exchange.counts.rejected += 1;
                 self.restore(stage)?;
                 at = Interval { size: end - at.time, end, ..at };
             };

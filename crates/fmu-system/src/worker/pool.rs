@@ -254,10 +254,10 @@ impl Pool {
                     .map(|recording| Recording { exact, real_time, steps, ..recording })
                     .map_err(|_| unexpected(slot))
             }
-            Response::Failed { failure, real_time, rows } => {
+            Response::Failed { failure, real_time, steps, rows } => {
                 let recorded = rows.map(|(rows, columns)| {
                     let recording = protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body());
-                    recording.map(|recording| Box::new(Recording { real_time, ..recording }))
+                    recording.map(|recording| Box::new(Recording { real_time, steps, ..recording }))
                 });
                 let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
                 if failure.kind == FailureKind::Fatal {

@@ -66,6 +66,8 @@ pub(super) enum Response {
         failure: Failure,
         #[serde(default)]
         real_time: Option<RealTime>,
+        #[serde(default)]
+        steps: Option<StepCounts>,
         /// Number of rows before the failure, and which columns they have. The rows are in the body unless they were
         /// written to the file. `None` without rows.
         rows: Option<(usize, Vec<bool>)>,
@@ -124,15 +126,15 @@ impl Response {
 
     /// A failure as header, and the rows before it as body.
     pub(super) fn failed(mut failure: Failure) -> (Self, Vec<Vec<f64>>) {
-        let real_time = failure.recorded.as_ref().and_then(|recording| recording.real_time);
-        let (rows, body) = match failure.recorded.take() {
-            None => (None, Vec::new()),
-            Some(recording) => {
-                let (rows, body, ..) = parts(*recording);
-                (Some(rows), body)
-            }
-        };
-        (Self::Failed { failure, real_time, rows }, body)
+        let Some(recording) = failure.recorded.take() else { return (Self::failure(failure), Vec::new()) };
+        let Recording { real_time, steps, .. } = *recording;
+        let (rows, body, ..) = parts(*recording);
+        (Self::Failed { failure, real_time, steps, rows: Some(rows) }, body)
+    }
+
+    /// A failure without rows.
+    pub(super) fn failure(failure: Failure) -> Self {
+        Self::Failed { failure, real_time: None, steps: None, rows: None }
     }
 }
 

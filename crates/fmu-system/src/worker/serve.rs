@@ -26,7 +26,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::Failed { failure: Failure::new("", message), real_time: None, rows: None };
+    let failed = |message: String| Response::failure(Failure::new("", message));
     match request {
         Request::Fmus(binaries) => {
             libraries.0 = binaries.into_iter().map(|binary| (binary, OnceCell::new())).collect();
