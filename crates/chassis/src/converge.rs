@@ -1,11 +1,9 @@
 //! `chassis run --converge`: estimates how much the results depend on the communication step.
 
-use crate::python;
-use crate::run::{Arguments, Engine, complete, described, grouped, progress_bar};
+use crate::run::{Arguments, complete, described, grouped, progress_bar};
 use cargo_fmu::files::write_whole;
 use cargo_fmu::outln;
 use clap::Args;
-use fmu_import::temporary::Folder;
 use fmu_import::terminal::escaped;
 use fmu_system::converge::{assess, levels, percent};
 use fmu_system::fmus::Fmus;
@@ -25,7 +23,7 @@ pub(crate) struct Converge {
     ///
     /// Only the first seed is used unless `--seeds` is given. The numbers go to the page and to
     /// OUT/SCENARIO/converge.json.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "engine")]
     pub(crate) converge: bool,
 
     /// Error of a metric that is accepted
@@ -58,29 +56,12 @@ pub(crate) fn run(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
     let jobs = arguments.jobs.count();
-    // FMPy returns its rows in files.
-    let is_fmpy = arguments.engine == Engine::Fmpy;
-    let rows = Folder::new().into_diagnostic()?;
-    let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();
     let pool = Pool::new(arguments.workers.settings(lines, jobs)?, jobs, &fmus);
-    let pool = if is_fmpy { pool.with_job(python::FMPY) } else { pool };
     let failures = Mutex::new(Vec::new());
     let execute = |(simulation, runs): &fmu_system::converge::Level| {
-        let plan = Plan { simulation: *simulation, ..plan.clone() };
         let recordings = Mutex::new(vec![None; runs.len()]);
-        let file = |run: &Run| rows.path().join(file_name(run));
-        let task = |index: usize| {
-            let run = runs[index].clone();
-            Ok(Task { csv: is_fmpy.then(|| (names.clone(), file(&run))), run })
-        };
-        let read = |index: usize, found| {
-            let run = &runs[index];
-            let of_file = |message| Failure::new(&run.id, message);
-            if is_fmpy { complete(&plan, run, &file(run)).map_err(of_file) } else { Ok(found) }
-        };
-        pool.execute(simulation, runs.len(), &task, &|n| bar.inc(n), &|index, outcome| match outcome
-            .and_then(|found| read(index, found))
-        {
+        let task = |index: usize| Ok(Task { run: runs[index].clone(), csv: None });
+        pool.execute(simulation, runs.len(), &task, &|n| bar.inc(n), &|index, outcome| match outcome {
             Ok(found) => recordings.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(found),
             Err(failure) => {
                 let run = format!("{} with step {} s", failure.run, simulation.step);

@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
 
     /// Master that executes the runs
     #[arg(long, default_value = "native")]
-    pub(crate) engine: Engine,
+    engine: Engine,
 
     /// Folder for results
     ///
@@ -94,7 +94,7 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
-pub(crate) enum Engine {
+enum Engine {
     /// The master of this program
     Native,
     /// FMPy, in Python: the same results, more slowly
