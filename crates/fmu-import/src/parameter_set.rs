@@ -75,8 +75,7 @@ impl ParameterSet {
             }
             parameters.push(parameter(element, name)?);
         }
-        let units = root.listed("Units", "Unit").map(unit).collect::<Result<_, _>>()?;
-        Ok((Self { name: root.required("name")?.to_string(), parameters }, units))
+        Ok((Self { name: root.required("name")?.to_string(), parameters }, units(root)?))
     }
 
     /// The text of the file, in SSP 1.0. `units` defines the units. If the unit of a value is not defined, or is not
@@ -135,6 +134,11 @@ impl ParameterSet {
         text.push('\n');
         Ok(text)
     }
+}
+
+/// The units of measure that the root element of a file defines; names have no namespace prefix.
+pub fn units(root: &Element) -> Result<Vec<Unit>, XmlError> {
+    root.listed("Units", "Unit").map(unit).collect()
 }
 
 /// The element `BaseUnit`: exponents, factor and offset, as in FMI.

@@ -7,15 +7,15 @@
 
 mod text;
 
-use crate::data::unit::Declared;
+use crate::data::unit::{Declared, UnitMismatch};
 use crate::export::STRUCTURE;
 use crate::export::ssp::{FMU, PARAMETER_SET};
 use crate::parameter::role;
 use crate::problem::{Collector, Problems};
 use crate::run::Linear;
 use fmu_import::archive::{Archive, path_within};
-use fmu_import::description::{Causality, DataType, ModelDescription, Value, word};
-use fmu_import::parameter_set::ParameterSet;
+use fmu_import::description::{Causality, DataType, ModelDescription, Unit, Value, word};
+use fmu_import::parameter_set::{ParameterSet, units};
 use fmu_import::temporary::Folder;
 use fmu_import::terminal::escaped;
 use fmu_import::xml::{self, Element, Place, XmlError};
@@ -105,6 +105,7 @@ pub(crate) fn read(file: &Path, at: Range<usize>, choice: &Choice, problems: &mu
         folder,
         choice,
         fmus: BTreeMap::new(),
+        units: Vec::new(),
         owners: Vec::new(),
         ids: BTreeSet::new(),
         listed: 0,
@@ -146,6 +147,8 @@ struct Owner<'e> {
     /// The FMU of a component, unless it was rejected.
     fmu: Option<Fmu>,
     connectors: HashMap<&'e str, Causality>,
+    /// Units of its connectors.
+    units: HashMap<&'e str, &'e str>,
     /// Values of parameter sets, by variable or connector.
     values: HashMap<String, Bound<'e>>,
     /// Connections to its connectors.
@@ -183,6 +186,8 @@ struct Reader<'a, 'e> {
     choice: &'a Choice,
     /// By path in the archive.
     fmus: BTreeMap<String, Result<Fmu, String>>,
+    /// Units of measure that the file defines.
+    units: Vec<Unit>,
     /// The first is the root system.
     owners: Vec<Owner<'e>>,
     /// Names of components.
@@ -249,6 +254,7 @@ impl<'e> Reader<'_, 'e> {
             return Err(root.place.error(format!("{message}, got {} of version {version}", root.name)));
         }
         let system = root.child("System").ok_or_else(|| root.place.error("the file has no System"))?;
+        self.units = units(root)?;
         self.owner(system, "")?;
         match self.owners.iter().any(|owner| owner.element.name == "Component") {
             true => Ok(()),
@@ -277,13 +283,16 @@ impl<'e> Reader<'_, 'e> {
             children: Vec::new(),
             fmu,
             connectors: HashMap::new(),
+            units: HashMap::new(),
             values: HashMap::new(),
             incoming: HashMap::new(),
         });
         for connector in element.listed("Connectors", "Connector") {
             let checked = self.connector(at, connector);
-            let connector = self.take(checked);
-            self.owners[at].connectors.extend(connector);
+            let Some((name, causality)) = self.take(checked) else { continue };
+            let unit = connector.children.iter().find_map(|child| child.attribute("unit"));
+            self.owners[at].connectors.insert(name, causality);
+            self.owners[at].units.extend(unit.map(|unit| (name, unit)));
         }
         let prefix = if at == 0 { String::new() } else { id + "_" };
         let elements = element.child("Elements").map_or(&[][..], |elements| &elements.children);
@@ -498,12 +507,40 @@ impl<'e> Reader<'_, 'e> {
         for _ in 0..2 * MAX_OWNERS {
             let Owner { fmu: None, incoming, .. } = &self.owners[found.from.0] else { break };
             let Some(edge) = incoming.get(found.from.1) else { break };
-            let Linear { factor, offset } = edge.linear;
-            found.linear = Linear { factor: found.linear.factor * factor, offset: found.linear.of(offset) };
+            found.linear = found.linear.after(edge.linear);
             found.convert &= edge.convert;
             found.from = edge.from;
         }
         Some(found)
+    }
+
+    /// The unit of an end of a connection: that of the variable, or else that of the connector.
+    fn unit(&self, (at, name): (usize, &str)) -> Option<Declared> {
+        let Owner { fmu, units, .. } = &self.owners[at];
+        let description = &fmu.as_ref()?.description;
+        Declared::of(description, description.variable(name)?).or_else(|| {
+            let name = *units.get(name)?;
+            let base = self.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base);
+            Some(Declared { name: name.to_owned(), base, is_relative: false })
+        })
+    }
+
+    /// How a connection changes values, without the conversion that the scenario makes if both variables have a unit.
+    fn linear(&self, edge: &Edge<'e>, to: (usize, &str)) -> Result<Linear, XmlError> {
+        let has_unit = |(at, name): (usize, &str)| {
+            let variable = self.owners[at].fmu.as_ref().and_then(|fmu| fmu.description.variable(name));
+            variable.is_some_and(|variable| variable.unit.is_some())
+        };
+        let units = self.unit(edge.from).zip(self.unit(to));
+        match units.filter(|_| edge.convert && !(has_unit(edge.from) && has_unit(to))) {
+            None => Ok(edge.linear),
+            Some((from, to)) => match from.conversion_to(&to) {
+                Ok(units) => Ok(edge.linear.after(units)),
+                Err(UnitMismatch { words: [from, to], .. }) => {
+                    Err(edge.element.place.error(format!("the source is {from}, but the target is {to}")))
+                }
+            },
+        }
     }
 }
 

@@ -470,6 +470,11 @@ impl Linear {
     pub(crate) fn of(self, value: f64) -> f64 {
         self.factor * value + self.offset
     }
+
+    /// Applies another one first.
+    pub(crate) fn after(self, first: Self) -> Self {
+        Self { factor: self.factor * first.factor, offset: self.of(first.offset) }
+    }
 }
 
 impl Wire {

@@ -224,6 +224,41 @@ fn values_are_converted_to_the_unit_of_the_variable() {
     assert!(plan("furlong", "").unwrap_err()[0].contains("cannot be given in `furlong`"));
 }
 
+/// SSP 1.0, section 5.3.1: units of connectors convert as those of variables do, which come first. FMI 2.0.4,
+/// section 2.2.2: 5 km = 5000 m, (5 degC + 273.15) K.
+#[test]
+fn units_of_connectors_are_converted() {
+    let plan_of = |edits: &[(&str, &str)], from: &str, to: &str, suppressed: &str| {
+        let connector = |name: &str, kind: &str, unit: &str| {
+            format!("<Connectors><Connector name='{name}' kind='{kind}'><Real unit='{unit}'/></Connector></Connectors>")
+        };
+        let component = |text: &str, connector: &str| text.replace("/>", &format!(">{connector}</Component>"));
+        let (b, a) = (component(B, &connector("y", "output", from)), component(A, &connector("u", "input", to)));
+        let connection =
+            format!("<Connection startElement='B' startConnector='y' endElement='A' endConnector='u'{suppressed}/>");
+        let units = "<Units><Unit name='m'><BaseUnit m='1'/></Unit><Unit name='km'><BaseUnit m='1' factor='1000'/></Unit>\
+                     <Unit name='K'><BaseUnit K='1'/></Unit><Unit name='degC'><BaseUnit K='1' offset='273.15'/></Unit></Units>";
+        let text = structure(&format!("<Elements>{b}{a}</Elements><Connections>{connection}</Connections>"));
+        let files = Files::new();
+        Build { edits, ..Build::new("B", "x", "y") }.pack(files.0.path());
+        let ssp = files.pack(&[(
+            "SystemStructure.ssd",
+            &text.replace("<DefaultExperiment", &format!("{units}<DefaultExperiment")),
+        )]);
+        resolve(&ssp, &FmuFolder::new([""; 0]), &Options::default()).map_err(|error| error.lines().join("\n"))
+    };
+    let plan =
+        |from: &str, to: &str, suppressed: &str| plan_of(&[("<Real unit=\"m\"/>", "<Real/>")], from, to, suppressed);
+    let wire = |from, to, suppressed| wires(&plan(from, to, suppressed).unwrap())["a:u"].clone();
+    assert_eq!(wire("km", "m", ""), "b:y * 1000 + 0");
+    assert_eq!(wire("degC", "K", ""), "b:y * 1 + 273.15");
+    assert_eq!(wire("km", "km", ""), "b:y");
+    assert_eq!(wire("km", "m", " suppressUnitConversion='true'"), "b:y");
+    assert_eq!(wires(&plan_of(&[], "K", "km", "").unwrap())["a:u"], "b:y * 0.001 + 0", "B:y is in m");
+    let mistake = plan("km", "K", "").unwrap_err();
+    assert!(mistake.contains("the source is in km (1000 m), but the target is in K (1 K)"), "{mistake}");
+}
+
 #[test]
 fn all_that_a_scenario_cannot_express_is_reported_together() {
     let system = "<SignalDictionaries/><Connectors><Connector name='bus' kind='inout'/>

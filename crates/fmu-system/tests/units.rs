@@ -114,6 +114,25 @@ fn units_of_the_same_dimension_are_converted() {
     }
 }
 
+/// Specification of the master: definitions of a unit that differ by their rounding (1e-9 relative) are equal.
+#[test]
+fn definitions_with_fewer_digits_are_the_same_unit() {
+    for (factor, is_same) in [("0.01745329252", true), ("0.0174533", false)] {
+        let folder = fmus("deg", "deg", [false; 2]);
+        let unit = UNITS.replace("0.017453292519943295", factor);
+        let edits = [
+            ("<Unit name=\"m\"><BaseUnit m=\"1\"/></Unit>", unit.as_str()),
+            ("<Real start=\"0\"/>", "<Real start=\"0\" unit=\"deg\"/>"),
+        ];
+        Build { edits: &edits, ..Build::new("Sink", "signal", "copy") }.pack(folder.path());
+        let plan = plan_of(&folder, 4.0, None);
+        assert_eq!(
+            plan.is_ok_and(|plan| plan.wiring[0].inputs.iter().all(|input| input.conversion.is_none())),
+            is_same
+        );
+    }
+}
+
 /// Only rad differs between Hz and rad/s, and nothing between deg and rad.
 #[test]
 fn a_factor_between_an_angle_and_a_number_warns() {

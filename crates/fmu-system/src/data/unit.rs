@@ -91,6 +91,16 @@ pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
     a[..7] == b[..7]
 }
 
+/// True for numbers of definitions that differ by the digits that their files give.
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
+}
+
+/// True if two definitions of a unit are equal, except for rounding.
+fn is_equal(a: BaseUnit, b: BaseUnit) -> bool {
+    a.exponents == b.exponents && is_near(a.factor, b.factor) && is_near(a.offset, b.offset)
+}
+
 /// A unit of measure as its file defines it: SI value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Declared {
@@ -122,7 +132,7 @@ impl Declared {
         let error = |words, is_angle| Err(UnitMismatch { words, is_angle });
         let words = || [self.definition(), to.definition()];
         let (a, b) = match (self.base, to.base) {
-            (a, b) if is_same && (a == b || a.is_none() || b.is_none()) => return Ok(Linear::IDENTITY),
+            (a, b) if is_same && a.zip(b).is_none_or(|(a, b)| is_equal(a, b)) => return Ok(Linear::IDENTITY),
             (Some(a), Some(b)) => (a, b),
             _ => return error(words(), false),
         };
@@ -133,7 +143,7 @@ impl Declared {
         let factor = a.factor / b.factor;
         match [self.is_relative, to.is_relative] {
             [true, true] => Ok(Linear { factor, offset: 0.0 }),
-            [true, false] | [false, true] if a.offset != b.offset => {
+            [true, false] | [false, true] if !is_near(a.offset, b.offset) => {
                 let kind = |of: &Self| if of.is_relative { "a difference" } else { "not a difference" };
                 error([self, to].map(|of| format!("{} in {}", kind(of), of.name)), false)
             }
@@ -194,7 +204,7 @@ impl Target {
         let known = unit.and_then(find);
         // Some tools omit the radian from the exponents; the name of the unit then shows that it is an angle.
         let lacks_angle = declared.zip(known).is_some_and(|(declared, known)| {
-            is_same_without_angle(declared.exponents, known.exponents) && declared.factor == known.factor
+            is_same_without_angle(declared.exponents, known.exponents) && is_near(declared.factor, known.factor)
         });
         Self {
             name: unit.map(str::to_owned),

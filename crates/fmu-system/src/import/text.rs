@@ -158,9 +158,10 @@ fn component(reader: &mut Reader<'_, '_>, at: usize, text: &mut Text) {
         let source = reader.source(at, name).map(|source| (source, &reader.owners[source.from.0]));
         if let Some((source, writer)) = source.filter(|(_, writer)| writer.fmu.is_some()) {
             let (from, to) = (signal(writer, source.from.1), signal(&reader.owners[at], name));
-            let Linear { factor, offset } = source.linear;
-            let is_same = source.linear == Linear::IDENTITY;
-            let linear = if is_same { String::new() } else { format!("factor = {factor:?}\noffset = {offset:?}\n") };
+            let linear = reader.linear(&source, (at, name));
+            let linear = reader.take(linear).filter(|linear| *linear != Linear::IDENTITY);
+            let linear = linear.map(|Linear { factor, offset }| format!("factor = {factor:?}\noffset = {offset:?}\n"));
+            let linear = linear.unwrap_or_default();
             let convert = if source.convert { "" } else { "convert = false\n" };
             let lines = format!("\n[[connection]]\nfrom = {from}\nto = {to}\n{linear}{convert}");
             connections.push((lines, source.element.place));

@@ -60,7 +60,7 @@ pub(super) fn conversion(
         Some(Written { convert: false, .. }) => Linear::IDENTITY,
         _ => units(from, to, factor.is_some())?,
     };
-    Ok(Linear { factor: own.factor * of_units.factor, offset: own.factor * of_units.offset + own.offset })
+    Ok(own.after(of_units))
 }
 
 /// The quantities of two ends; `None` if one of them is not known.
