@@ -18,6 +18,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const SAMPLE_TIME: &str = "sample_time";
 
+/// Parameter of components with random signals, which depend on the sample time.
+const SEED: &str = "seed";
+
 /// Share of the largest value that counts as rounding.
 const NOISE: f64 = 1e-10;
 
@@ -86,10 +89,11 @@ impl Assessment {
         match (self.class, self.order) {
             (Class::Undefined, _) => format!("{name} is not defined with each step"),
             (Class::Independent, _) => format!("{name} does not depend on the step"),
-            (Class::Regular, Some(order)) => {
+            (Class::Regular, order) => {
+                let order = order.unwrap_or_default();
                 format!("{name} changes by {change} as the step goes to 0 (order {order:.2})")
             }
-            (Class::Regular | Class::Settled, _) => format!("{name} changes by {change} as the step goes to 0"),
+            (Class::Settled, _) => format!("{name} changes by {change} as the step goes to 0; h/2 is small enough"),
             _ => format!("{name} changes by up to {change}, without a regular order"),
         }
     }
@@ -157,12 +161,14 @@ struct Graph<'p> {
     sources: BTreeMap<&'p str, BTreeSet<&'p str>>,
     /// Number of communication steps in a step of each component.
     every: BTreeMap<&'p str, u64>,
+    /// The components with random signals.
+    random: BTreeSet<&'p str>,
 }
 
 impl<'p> Graph<'p> {
     fn of(plan: &'p Plan, run: &'p Run, fmus: &Fmus) -> Self {
         let wiring = plan.wiring.iter().find(|wiring| wiring.case == run.case);
-        let (mut times, mut sources) = (BTreeMap::new(), BTreeMap::new());
+        let (mut times, mut sources, mut random) = (BTreeMap::new(), BTreeMap::new(), BTreeSet::new());
         for own in &run.components {
             let inputs = wiring.into_iter().flat_map(|wiring| &wiring.inputs);
             let read = inputs.filter(|read| read.input.component == own.name).filter_map(|read| match &read.source {
@@ -177,8 +183,9 @@ impl<'p> Graph<'p> {
                 };
                 let set =
                     own.parameters.iter().find(|setting| setting.name == SAMPLE_TIME).map(|setting| &setting.value);
-                let variable =
-                    fmus.get(own).ok().map(Fmu::description).and_then(|of| of.variables.iter().find(is_time));
+                let variables = fmus.get(own).ok().map(Fmu::description).map(|of| &of.variables);
+                let variable = variables.and_then(|of| of.iter().find(is_time));
+                random.extend(variables.filter(|of| of.iter().any(|v| v.name == SEED)).map(|_| own.name.as_str()));
                 let time = match variable.and_then(|variable| set.or(variable.start.as_ref())) {
                     Some(Value::Real(time)) => Some(*time),
                     _ => None,
@@ -187,15 +194,15 @@ impl<'p> Graph<'p> {
             }
         }
         let every = run.components.iter().map(|own| (own.name.as_str(), own.every)).collect();
-        Self { times, sources, every }
+        Self { times, sources, every, random }
     }
 
     fn plants(&self) -> impl Iterator<Item = (&'p str, &BTreeSet<&'p str>)> {
         self.sources.iter().map(|(name, read)| (*name, read)).filter(|(name, _)| !self.times.contains_key(name))
     }
 
-    /// True for a component that reads or writes a plant, unless nothing that it reads comes from a plant, also by
-    /// other components: a driver or a road.
+    /// True for a component that reads or writes a plant, unless it reads nothing (a driver), or has random signals and
+    /// nothing that it reads comes from a plant, also by other components (a road).
     fn is_controller(&self, name: &str) -> bool {
         let (mut seen, mut open) = (BTreeSet::new(), vec![name]);
         while let Some(reader) = open.pop() {
@@ -203,7 +210,9 @@ impl<'p> Graph<'p> {
         }
         let is_beside =
             |(plant, read): (&str, &BTreeSet<&str>)| read.contains(name) || self.sources[name].contains(plant);
-        self.plants().any(|(plant, _)| seen.contains(plant)) && self.plants().any(is_beside)
+        let depends_on_plant = self.plants().any(|(plant, _)| seen.contains(plant));
+        let is_source = seen.is_empty() || (self.random.contains(name) && !depends_on_plant);
+        !is_source && self.plants().any(is_beside)
     }
 
     /// Explains for each component whether its sample time limits the effect of the step.
@@ -313,7 +322,7 @@ struct MetricReport {
     recording: Option<f64>,
     other_order: Option<f64>,
     order_change: Option<f64>,
-    /// True if the other order changes the metric by more than twice the error, and by more than is accepted.
+    /// True if the other order changes the metric by more than twice the error.
     order_matters: bool,
     sample_times: Option<Assessment>,
 }
@@ -422,7 +431,7 @@ pub fn assess(
                 other_order: value(3),
                 order_matters: order_change
                     .zip(own.relative)
-                    .is_some_and(|(change, error)| change.abs() > limit.max(2.0 * error)),
+                    .is_some_and(|(change, error)| change.abs() > NOISE.max(2.0 * error)),
                 order_change,
                 above_limit,
                 sample_times: (levels.len() > 4).then(|| Assessment::of([0, 4, 5].map(value))),
@@ -518,8 +527,8 @@ mod tests {
         for (m, text) in [
             ([0.206_986_672, 0.191_958_335, 0.185_585_318], "x changes by 12.6 % as the step goes to 0 (order 1.24)"),
             ([1.05, 0.98, 1.01], "x changes by up to 6.67 %, without a regular order"),
-            ([1.1, 1.0, 1.0], "x changes by 9.09 % as the step goes to 0"),
-            ([0.0, 1.0, 1.0], "x changes by 1.000 as the step goes to 0"),
+            ([1.1, 1.0, 1.0], "x changes by 9.09 % as the step goes to 0; h/2 is small enough"),
+            ([0.0, 1.0, 1.0], "x changes by 1.000 as the step goes to 0; h/2 is small enough"),
             ([1.0, 1.0, 1.0], "x does not depend on the step"),
             ([f64::NAN, 1.0, 1.0], "x is not defined with each step"),
         ] {
@@ -547,6 +556,29 @@ mod tests {
         near(Difference::of([&level(0.0), &level(1.0), &level(3.0)]).error, 3.0 * rms);
         let constant = Difference::of([&[1.0], &[1.0], &[1.0]]);
         assert_eq!((constant.error, constant.relative), (0.0, None));
+    }
+
+    /// Specification of the master, section 4: discrete components that read or feed a continuous one are controllers,
+    /// except for sources, among them a random road that reads the speed of the driver only.
+    #[test]
+    fn controllers_may_depend_on_the_driver_only() {
+        let read = [
+            ("driver", &[][..]),
+            ("road", &["driver"]),
+            ("feedforward", &["driver"]),
+            ("feedback", &["plant"]),
+            ("sensor", &["plant"]),
+            ("display", &["driver"]),
+            ("plant", &["road", "feedforward", "feedback"]),
+        ];
+        let graph = Graph {
+            times: read[..6].iter().map(|(name, _)| (*name, Some(0.001))).collect(),
+            sources: read.iter().map(|(name, read)| (*name, read.iter().copied().collect())).collect(),
+            every: BTreeMap::new(),
+            random: ["road", "sensor"].into(),
+        };
+        let found = read[..6].iter().map(|(name, _)| *name).filter(|name| graph.is_controller(name));
+        assert_eq!(found.collect::<Vec<_>>(), ["feedforward", "feedback", "sensor"]);
     }
 
     #[test]
