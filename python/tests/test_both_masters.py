@@ -6,6 +6,7 @@ The FMUs are `Clocks` of `test_fmi3.py` and one of the tests of the native maste
 from __future__ import annotations
 
 import csv
+import json
 import math
 import os
 import re
@@ -18,7 +19,7 @@ from pathlib import Path
 import fmpy.fmi3
 import pytest
 
-from tests.commands import ROOT
+from tests.commands import ROOT, chassis
 
 pytestmark = pytest.mark.ci
 
@@ -127,3 +128,15 @@ def test_elements_of_arrays_are_set_connected_and_recorded(tmp_path: Path, run_b
         "b:ys[1]": "AAE=",
     }
     assert {name: last[name] for name in expected} == expected
+
+
+def test_both_masters_estimate_the_same_error_of_the_step(tmp_path: Path) -> None:
+    """The numbers of `--converge` are those of bit-identical runs with h, h/2, h/4 and the other order."""
+    scenario = ROOT / "scenarios" / "esp_car_step_steer.toml"
+    options = ("--converge", "--no-page", "--no-warnings", "--no-fail", "--step", "0.004", "--stop", "2")
+    found = []
+    for engine in ("native", "fmpy"):
+        assert chassis("run", scenario, *options, "--engine", engine, "--out", tmp_path / engine)[0] == 0
+        found.append((tmp_path / engine / scenario.stem / "converge.json").read_text())
+    assert found[0] == found[1]
+    assert any(signal["error"] for _, signal in json.loads(found[0])["runs"][0]["signals"])

@@ -11,7 +11,7 @@ use fmu_system::plan::Plan;
 use fmu_system::results::file_name;
 use fmu_system::run::Run;
 use fmu_system::typography::significant;
-use fmu_system::worker::{Failure, Pool, Task};
+use fmu_system::worker::{Failure, Task};
 use miette::{IntoDiagnostic, miette};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub(crate) struct Converge {
     ///
     /// Only the first seed is used unless `--seeds` is given. The numbers go to the page and to
     /// OUT/SCENARIO/converge.json.
-    #[arg(long, conflicts_with = "engine")]
+    #[arg(long)]
     pub(crate) converge: bool,
 
     /// Error of a metric that is accepted
@@ -55,8 +55,7 @@ pub(crate) fn run(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::
     let bar = progress_bar(plan, others.iter().map(|(simulation, runs)| simulation.steps * runs.len() as u64).sum())?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
-    let jobs = arguments.jobs.count();
-    let pool = Pool::new(arguments.workers.settings(lines, jobs)?, jobs, &fmus);
+    let pool = arguments.pool(arguments.workers.settings(lines, arguments.jobs.count())?, &fmus);
     let failures = Mutex::new(Vec::new());
     let execute = |(simulation, runs): &fmu_system::converge::Level| {
         let recordings = Mutex::new(vec![None; runs.len()]);

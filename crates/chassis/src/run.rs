@@ -10,6 +10,7 @@ use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
 use clap::{Args, ValueEnum};
 use fmu_import::terminal::{escaped, indented};
+use fmu_import::worker::Settings;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
@@ -147,6 +148,12 @@ impl Arguments {
             return Python::required("this option").map(Some);
         }
         Ok(if self.no_page { None } else { Python::find_or_note() })
+    }
+
+    /// Processes that execute runs with the chosen master.
+    pub(crate) fn pool(&self, settings: Settings, fmus: &Fmus) -> Pool {
+        let pool = Pool::new(settings, self.jobs.count(), fmus).in_real_time(self.realtime);
+        if self.engine == Engine::Fmpy { pool.with_job(python::FMPY) } else { pool }
     }
 
     /// The request to Python to make tables and a page. Runs that have no metrics in `results` are incomplete.
@@ -412,17 +419,14 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     let bar = progress_bar(plan, runs * plan.simulation.steps)?;
     let printing = bar.clone();
     let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
-    let jobs = arguments.jobs.count();
     // The path is absolute, because an FMU may change the working directory.
     let target = absolute(folder)?;
-    let mut settings = arguments.workers.settings(lines, jobs)?;
+    let mut settings = arguments.workers.settings(lines, arguments.jobs.count())?;
     if let Some(writable) = &mut settings.sandbox {
         std::fs::create_dir_all(&target).into_diagnostic().wrap_err_with(|| format!("making {}", target.display()))?;
         writable.push(target.clone());
     }
-    let is_fmpy = arguments.engine == Engine::Fmpy;
-    let pool = Pool::new(settings, jobs, &fmus).in_real_time(arguments.realtime);
-    let pool = if is_fmpy { pool.with_job(python::FMPY) } else { pool };
+    let pool = arguments.pool(settings, &fmus);
 
     let began = Instant::now();
     let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();

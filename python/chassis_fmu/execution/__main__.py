@@ -46,7 +46,8 @@ class Request(msgspec.Struct):
     simulation: Simulation
     run: Run
     series: list[tuple[int, int, str, bool]]
-    csv: tuple[list[str], File]
+    csv: tuple[list[str], File] | None
+    """Names of the columns, and the file to write them to instead of returning them."""
     is_repeated: bool
 
 
@@ -116,36 +117,40 @@ class Worker:
                 run, simulation, self._instance, board=self._board, is_repeated=repeated, texts=texts
             )
             seconds = time.perf_counter() - begin
-            last = self._write(request, *rows, texts)
+            (count, columns), body = self._rows(request, *rows, texts)
         except master.RunError as error:
             kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
             kind = "Fatal" if error.fatal else kind
             where = None if error.component == "input file" else error.component
             failure = {"time": error.time, "component": where, "message": error.described(), "kind": kind}
-            recorded = None
+            recorded: tuple[Any, Array] = None, np.empty(0)
             if error.recorded is not None:
                 # If the rows cannot be written, the failure is still reported.
                 with contextlib.suppress(OSError):
-                    recorded = self._write(request, *error.recorded, texts)
-            return _failed(run.id, failure, recorded)
+                    recorded = self._rows(request, *error.recorded, texts)
+            return _failed(run.id, failure, *recorded)
         except Exception as error:
             failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
-            return _failed(run.id, failure, None)
+            return _failed(run.id, failure, None, np.empty(0))
         logged = [(name, {"status": "Warning", "category": "", "text": text}) for name, text in master.messages()]
-        return {"Recorded": {"rows": 1, "columns": [], "messages": logged, "seconds": seconds}}, last
+        return {"Recorded": {"rows": count, "columns": columns, "messages": logged, "seconds": seconds}}, body
 
     @staticmethod
-    def _write(request: Request, times: Array, rows: Array, texts: dict[int, list[str]]) -> Array:
-        """Write the rows of a run; returns the time of the last row."""
+    def _rows(
+        request: Request, times: Array, rows: Array, texts: dict[int, list[str]]
+    ) -> tuple[tuple[int, list[bool]], Array]:
+        """Return the size and the numbers of the rows of a run; of rows that are written to a file, the last time."""
+        if request.csv is None:
+            columns = [slot is not None for slot in request.run.columns]
+            return (len(times), columns), np.concatenate([times, *rows.T])
         names, file = request.csv
         present = [name for name, slot in zip(names, request.run.columns, strict=True) if slot is not None]
         results.write_csv(Path(file.hidden), present, times, rows, texts)
-        return times[-1:]
+        return (1, []), times[-1:]
 
 
-def _failed(run: str, failure: dict[str, Any], last: Array | None) -> tuple[dict[str, Any], Array]:
-    header = {"failure": {"run": run, "variable": None, **failure}, "rows": None if last is None else [1, []]}
-    return {"Failed": header}, np.empty(0) if last is None else last
+def _failed(run: str, failure: dict[str, Any], size: Any, body: Array) -> tuple[dict[str, Any], Array]:
+    return {"Failed": {"failure": {"run": run, "variable": None, **failure}, "rows": size}}, body
 
 
 def _unpack(fmu: Path, folder: Path) -> None:
