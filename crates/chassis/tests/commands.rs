@@ -354,11 +354,12 @@ fn the_error_of_the_step_is_estimated() {
     for (arguments, problem) in [
         (&["--limit", "one"][..], "must be a percentage above 0, such as 1%"),
         (&["--limit=-1%"], "must be a percentage above 0, such as 1%"),
-        (&["--engine", "fmpy"], "cannot be used with"),
     ] {
         let output = call(arguments);
         assert!(message(&output.stderr).contains(problem), "{}", text(&output.stderr));
     }
+    let output = command(folder.path(), &["import", "ramp.toml", "--out", "imported"]);
+    assert!(message(&output.stderr).contains("must be an SSP file, got a scenario"), "{}", text(&output.stderr));
 }
 
 #[cfg(unix)]
