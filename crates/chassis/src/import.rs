@@ -40,11 +40,8 @@ pub(crate) struct Structure {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let Arguments { system, structure: Structure { variant, step }, stop, out } = arguments;
     if system.extension().is_some_and(|extension| extension == "toml") {
-        return Err(miette!(
-            help = "run it with `chassis run`; `chassis export` writes it as an SSP file",
-            "{} must be an SSP file, got a scenario",
-            system.display()
-        ));
+        let help = "run it with `chassis run`; `chassis export` writes it as an SSP file";
+        return Err(miette!(help = help, "{} must be an SSP file, got a scenario", system.display()));
     }
     if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(miette!("{}: the folder is not empty; choose another one", out.display()));

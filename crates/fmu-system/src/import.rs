@@ -514,33 +514,27 @@ impl<'e> Reader<'_, 'e> {
         Some(found)
     }
 
-    /// The unit of an end of a connection: that of the variable, or else that of the connector.
-    fn unit(&self, (at, name): (usize, &str)) -> Option<Declared> {
+    /// The unit of an end of a connection, and whether it is that of the variable, or else that of the connector.
+    fn unit(&self, (at, name): (usize, &str)) -> Option<(Declared, bool)> {
         let Owner { fmu, units, .. } = &self.owners[at];
         let description = &fmu.as_ref()?.description;
-        Declared::of(description, description.variable(name)?).or_else(|| {
+        Declared::of(description, description.variable(name)?).map(|unit| (unit, true)).or_else(|| {
             let name = *units.get(name)?;
             let base = self.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base);
-            Some(Declared { name: name.to_owned(), base, is_relative: false })
+            Some((Declared { name: name.to_owned(), base, is_relative: false }, false))
         })
     }
 
     /// How a connection changes values, without the conversion that the scenario makes if both variables have a unit.
     fn linear(&self, edge: &Edge<'e>, to: (usize, &str)) -> Result<Linear, XmlError> {
-        let has_unit = |(at, name): (usize, &str)| {
-            let variable = self.owners[at].fmu.as_ref().and_then(|fmu| fmu.description.variable(name));
-            variable.is_some_and(|variable| variable.unit.is_some())
-        };
-        let units = self.unit(edge.from).zip(self.unit(to));
-        match units.filter(|_| edge.convert && !(has_unit(edge.from) && has_unit(to))) {
-            None => Ok(edge.linear),
-            Some((from, to)) => match from.conversion_to(&to) {
-                Ok(units) => Ok(edge.linear.after(units)),
-                Err(UnitMismatch { words: [from, to], .. }) => {
-                    Err(edge.element.place.error(format!("the source is {from}, but the target is {to}")))
-                }
-            },
+        match (self.unit(edge.from), self.unit(to)) {
+            (Some((from, a)), Some((to, b))) if edge.convert && !(a && b) => from.conversion_to(&to),
+            _ => return Ok(edge.linear),
         }
+        .map(|units| edge.linear.after(units))
+        .map_err(|UnitMismatch { words: [from, to], .. }| {
+            edge.element.place.error(format!("the source is {from}, but the target is {to}"))
+        })
     }
 }
 

@@ -44,7 +44,7 @@ fn measure(components: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let folder = FmuFolder::new([tests::folder()]);
     let plan = resolve_text(Path::new("chain.toml"), &scenario(components, steps), &folder, &Options::default())?;
     let fmus = Fmus::load(&plan.runs)?;
-    let fmu = Fmu::open(&tests::folder().join(format!("{FMU}.fmu")))?;
+    let fmu = Fmu::open(tests::folder().join(format!("{FMU}.fmu")))?;
     let reference = |name| fmu.description().variable(name).map(|variable| [variable.reference]).ok_or(name);
     let (input, output) = (reference(INPUT)?, reference(OUTPUT)?);
     let mut session = Session::new(&plan.simulation, &plan.runs[0], &fmus)?;
