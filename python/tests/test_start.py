@@ -82,7 +82,7 @@ def build(
     stubs = "\n".join(f"EXPORT int fmi2{function}(void) {{ return 3; }}" for function in MISSING.split())
     source.write_text(f"{SOURCE.read_text()}\n{stubs}\n")
     # The derivative in the source is real[2].
-    discard = "if (i->v.real[1] != i->v.real[1]) return 2;"
+    discard = "if (i->v.real[1] != i->v.real[1]) return 2;" if value == PARTLY_DEFINED else ""
     follow = f"{{ double u = i->v.real[0]; i->v.real[1] = {value}; i->v.real[2] = u * 0 + {slope or 0}; {discard} }}"
     last = follow if end is None else f"i->v.real[1] = {end}"
     macros = [f"-DFOLLOW={follow}", f"-DEXIT={last}", f"-DSTEP={{ {follow} return 0; }}"]
