@@ -37,6 +37,8 @@ class Request(msgspec.Struct, frozen=True):
     verdicts: tuple[Verdict, ...] = ()
     incomplete: dict[str, str] = {}
     """Reason for each incomplete run, by its id."""
+    steps: dict[str, page.Steps] = {}
+    """Steps of each run that chooses or repeats them, by its id."""
     parquet: bool = False
     inputs: str | None = None
     """Name of the file with input signals."""
@@ -92,6 +94,7 @@ def report(scenario: Plan, request: Request) -> str:
         shortened=request.shortened,
         files=tuple(p.relative_to(folder).as_posix() for p in files),
         versions=shell.versions(),
+        steps=request.steps,
         replays=tuple(lab.of_scenario(scenario, folder)),
         converge=msgspec.json.decode((folder / "converge.json").read_bytes()) if request.converge else None,
     )

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from chassis_fmu.evaluation.grading import Status
 from chassis_fmu.evaluation.results_table import Numbers, Verdict
-from chassis_fmu.files.plan import Plan, Point, Run
+from chassis_fmu.files.plan import Plan, Point, Run, Solver
 from chassis_fmu.files.results import Recording
 from chassis_fmu.report import figures, page, page_data, plots
 
@@ -56,6 +56,20 @@ def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
     short = dataclasses.replace(CONTEXT, shortened="--stop 3 --seeds 1")
     tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], NO_FIGURES, {}, short))
     assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
+
+
+def test_steps_and_solvers_are_shown(scenario: Plan) -> None:
+    run = scenario.runs[0]
+    solver = Solver("rosenbrock", 1e-7)
+    component = replace(run.components[0], integration=solver)
+    runs = (replace(run, components=(component, *run.components[1:])), *scenario.runs[1:])
+    steps = page.Steps(accepted=1905, rejected=51, inaccurate=2, smallest=0.000471, largest=0.00432)
+    plan = replace(scenario, runs=runs)
+    context = page.Context("native", "chassis run trial.toml", steps={run.id: steps})
+    text = page.render(Numbers(plan, {}), [], NO_FIGURES, {}, context)
+    counts = "1905 accepted, 51 rejected; from 0.471 to 4.32 ms; 2 are the smallest, with an error above the tolerance"
+    assert f"<dt>Steps</dt><dd>{counts}</dd>" in text
+    assert f"<dt>Solver <small>{component.name}</small></dt><dd>Rosenbrock (RODAS), tolerance 1e-07</dd>" in text
 
 
 def test_warnings_and_unread_outputs_are_shown(text: str) -> None:

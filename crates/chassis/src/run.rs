@@ -185,6 +185,7 @@ impl Arguments {
             "numbers": results.numbers,
             "verdicts": verdicts.collect::<Vec<_>>(),
             "incomplete": incomplete.map(|run| (&run.run, run.reason())).collect::<BTreeMap<_, _>>(),
+            "steps": results.statuses.runs.iter().filter_map(|run| Some((&run.run, run.steps?))).collect::<BTreeMap<_, _>>(),
             "parquet": self.parquet,
             "converge": self.converge.converge,
             "inputs": self.selection.inputs.as_ref().and_then(|file| file.file_name()).map(|name| name.to_string_lossy()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,16 @@ from ..evaluation.results_table import Numbers, Row
 from ..files.describe import Description, Variable, describe, sha256
 from ..files.plan import Bytes, Component, Plan, Run, Setting, Value
 from . import page_data, plots, rendering, system, tables, texts
+
+
+class Steps(msgspec.Struct, frozen=True):
+    """Numbers of the steps of a run, and the sizes of the accepted ones (s)."""
+
+    accepted: int
+    rejected: int
+    inaccurate: int
+    smallest: float
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -29,6 +39,8 @@ class Context:
     """Files with recorded signals, relative to the page."""
     versions: tuple[tuple[str, str], ...] = ()
     """Names and versions of the programs that were used."""
+    steps: Mapping[str, Steps] = field(default_factory=dict)
+    """Steps of each run that chooses or repeats them."""
     replays: tuple[tuple[str, str], ...] = ()
     """Cases, with the addresses of their replays in the lab."""
     converge: Mapping[str, Any] | None = None
