@@ -446,8 +446,9 @@ impl Instance {
 
     /// Like [`Self::do_step`], without ticks of clocks; the step must not go past [`Self::next_tick`].
     pub fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        // An FMU that does not write the time has made the step, unless it says otherwise.
-        let mut end = StepEnd { time: f64::NAN, ..StepEnd::default() };
+        // An FMU that does not write the time has made the step, unless it says otherwise. A comparison with NaN could
+        // raise an exception that the host does not mask.
+        let mut end = StepEnd { time: f64::INFINITY, ..StepEnd::default() };
         let is_final = !self.goes_back;
         // SAFETY: live instance; the end of the step is written through valid pointers.
         let result = self.call_present(Function::DoStep, |f, c| unsafe {
