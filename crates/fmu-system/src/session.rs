@@ -297,7 +297,7 @@ impl Component {
     }
 
     fn do_step(&mut self, time: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
-        match self.instance.do_step(time, step) {
+        match self.instance.do_step(time, step).and_then(|()| self.instance.check_reached(time, step)) {
             Ok(()) => Ok(None),
             Err(error) => self.ended(error, time + step, step),
         }

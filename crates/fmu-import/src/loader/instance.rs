@@ -24,12 +24,19 @@ use std::sync::atomic::Ordering;
 const EARLY: f64 = 1e-3;
 
 /// Results of the last `fmi3DoStep`.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct StepEnd {
     pub(super) event: RawBoolean,
     pub(super) terminate: RawBoolean,
     early: RawBoolean,
     pub(super) time: f64,
+}
+
+impl Default for StepEnd {
+    /// An FMU that writes nothing has made the step.
+    fn default() -> Self {
+        Self { event: 0, terminate: 0, early: 0, time: f64::INFINITY }
+    }
 }
 
 /// An instance, freed when dropped.
@@ -446,9 +453,7 @@ impl Instance {
 
     /// Like [`Self::do_step`], without ticks of clocks; the step must not go past [`Self::next_tick`].
     pub fn step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        // An FMU that does not write the time has made the step, unless it says otherwise. A comparison with NaN could
-        // raise an exception that the host does not mask.
-        let mut end = StepEnd { time: f64::INFINITY, ..StepEnd::default() };
+        let mut end = StepEnd::default();
         let is_final = !self.goes_back;
         // SAFETY: live instance; the end of the step is written through valid pointers.
         let result = self.call_present(Function::DoStep, |f, c| unsafe {
@@ -462,8 +467,15 @@ impl Instance {
         });
         self.step_end = end;
         result?;
-        let is_early = end.early != 0 || end.time < time + (1.0 - EARLY) * step;
-        if end.terminate == 0 && !is_early { Ok(()) } else { Err(self.not_stepped(end)) }
+        if end.terminate | end.early == 0 { Ok(()) } else { Err(self.not_stepped(end)) }
+    }
+
+    /// Fails if the last step, from `time` to `time + step`, has returned early by the time that the FMU has written
+    /// (FMI 3.0). This is not a part of [`Self::step`], which computes nothing in the floating-point environment of the
+    /// host.
+    pub fn check_reached(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+        let is_early = self.step_end.time < time + (1.0 - EARLY) * step;
+        if is_early { Err(self.not_stepped(self.step_end)) } else { Ok(()) }
     }
 
     #[cold]
