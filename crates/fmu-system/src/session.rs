@@ -599,7 +599,7 @@ impl Session {
     ///
     /// # Errors
     /// A call returns more than `fmi2Warning`, or a signal or the value of an overwritten input is not finite. If an
-    /// FMU ends the simulation ([`FailureKind::Terminated`](crate::failure::FailureKind::Terminated)) at the end of the
+    /// FMU ends the simulation ([`FailureKind::Terminated`]) at the end of the
     /// step, all components have made the step, and [`Self::steps`] counts it.
     pub fn step(&mut self) -> Result<(), Failure> {
         let time = self.time();
