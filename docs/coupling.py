@@ -57,13 +57,9 @@ def main(arguments: list[str]) -> None:
     start = text.index(HEAD)
     end = text.index("\n\n", start)
     head = text[start:].split("\n")[:2]
-    table = "\n".join(
-        [
-            *head,
-            *(f"| {' | '.join(cells)} |".replace("|  |", "| |") for cells in [*(cells for cells, _ in rows), all_of]),
-        ]
-    )
-    table = table.replace("|  |", "| |")
+    lines = [f"| {' | '.join(cells)} |" for cells in [*(cells for cells, _ in rows), all_of]]
+    # Empty cells; neighbors share a bar.
+    table = "\n".join([*head, *lines]).replace("|  |", "| |").replace("|  |", "| |")
     if not is_check:
         PAGE.write_text(text[:start] + table + text[end:])
     elif table != text[start:end]:

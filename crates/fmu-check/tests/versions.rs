@@ -145,7 +145,7 @@ fn wrong_dependencies_of_elements_are_found() {
     for (defects, expected) in [
         (&[][..], None),
         (&["DEPENDENCY=9"], Some("`flag`, which is missing from its dependencies in ModelStructure")),
-        (&["DEPENDENCY=99"], Some("the value reference 99, which is no variable")),
+        (&["DEPENDENCY=99"], Some("the value reference 99, which no variable has")),
         (&["ELEMENT=2"], Some("element 2 of `u`, whose size is 1")),
     ] {
         let (looked_at, lines) = checked(&Decay { defects, edits: &promised, ..Decay::new(FmiVersion::V3) });

@@ -525,7 +525,7 @@ impl<'e> Reader<'_, 'e> {
         })
     }
 
-    /// How a connection changes values, without the conversion that the scenario makes if both variables have a unit.
+    /// The factor and offset of a connection. If both variables have a unit, the scenario adds their conversion.
     fn linear(&self, edge: &Edge<'e>, to: (usize, &str)) -> Result<Linear, XmlError> {
         match (self.unit(edge.from), self.unit(to)) {
             (Some((from, a)), Some((to, b))) if edge.convert && !(a && b) => from.conversion_to(&to),

@@ -181,7 +181,7 @@ fn a_signal_of_a_loop_can_be_read_as_real_and_boolean() {
     assert_eq!(with_boolean("u", "1 + i->v.boolean[0]", "7").unwrap(), [2.0, 2.0]);
 }
 
-/// y = z, z = 0 if y > 0.5 else 1: there is no solution.
+/// The equations y = z and z = 0 if y > 0.5 else 1 have no solution.
 #[test]
 fn a_loop_that_does_not_settle_is_named() {
     let message = with_boolean("u", "!i->v.boolean[0]", "7").unwrap_err();
@@ -327,7 +327,7 @@ fn the_plan_classifies_the_times_of_connections() {
     let listed = plan_in(&folder, "", &components, &[], "\"speed\"");
     assert_eq!(timings(&listed), [("force", Held), ("demand", Late), ("speed", Early)]);
     assert_eq!(listed.warnings.len(), 1, "{:?}", listed.warnings);
-    assert!(listed.warnings[0].contains("2 connections carry values of another step"), "{}", listed.warnings[0]);
+    assert!(listed.warnings[0].contains("connections that carry values of another step: 2"), "{}", listed.warnings[0]);
     let jacobi = plan_in(&folder, "jacobi", &components, &[], "\"speed\"");
     assert_eq!(timings(&jacobi), [("force", Held), ("demand", Late), ("speed", OnTime)]);
     let auto = plan_in(&folder, "auto", &components, &[], "\"speed\"");

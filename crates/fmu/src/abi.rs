@@ -217,8 +217,14 @@ impl<E: Export> Call<E> {
 
     #[inline]
     fn check_array<T>(&self, name: &str, pointer: *const T, length: usize) -> CallResult {
-        if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
-            return Err(self.no_array(name, pointer.is_null(), length));
+        self.check_memory(name, pointer.is_null(), pointer.is_aligned(), [length, size_of::<T>()])
+    }
+
+    /// Rejects an array that is null, misaligned, or too long for the size of its values, in bytes.
+    #[inline]
+    fn check_memory(&self, name: &str, is_null: bool, is_aligned: bool, [length, size]: [usize; 2]) -> CallResult {
+        if is_null || !is_aligned || length > isize::MAX as usize / size {
+            return Err(self.no_array(name, is_null, length));
         }
         Ok(())
     }

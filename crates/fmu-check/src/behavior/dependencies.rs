@@ -199,7 +199,7 @@ impl Trial<'_> {
                 }
                 let is_it = |v: &&Variable| v.reference == reference && v.alias_of.is_none();
                 let Some(known) = self.description.variables.iter().find(is_it) else {
-                    return Some(format!("the value reference {reference}, which is no variable"));
+                    return Some(format!("the value reference {reference}, which no variable has"));
                 };
                 let ends = [(own, variable), (element, known)].into_iter().find(|(at, of)| *at > of.size);
                 let named = unknown.dependencies.iter().flatten().any(|i| self.variable(*i).reference == reference);

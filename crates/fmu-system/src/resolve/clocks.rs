@@ -150,13 +150,12 @@ impl<'a> Resolver<'a> {
                     member.triggered().any(|(_, own)| own.reference == clock.reference && own.name == name)
                 };
                 let others = outputs.iter().filter(|from| from.0 != m && member.shares_clocks());
-                let others = others.map(|from| (*from, &system.members[from.0], system.members[from.0].clock(from.1)));
+                let with_clock =
+                    |from: (usize, usize)| (from, &system.members[from.0], system.members[from.0].clock(from.1));
+                let others = others.map(|from| with_clock(*from));
                 let mut same: Vec<_> = others.clone().filter(|(_, _, other)| is_own(&other.name)).collect();
                 if same.is_empty() && member.shares_clocks() {
-                    let carried = carried(system, member, clock.reference).into_iter();
-                    same = carried
-                        .map(|from| (from, &system.members[from.0], system.members[from.0].clock(from.1)))
-                        .collect();
+                    same = carried(system, member, clock.reference).into_iter().map(with_clock).collect();
                 }
                 let list = |ends: &mut dyn Iterator<Item = (_, &CaseComponent<'_>, &Clock)>| {
                     let names = ends.map(|(_, member, clock)| format!("`{}:{}`", member.name(), clock.name));

@@ -148,7 +148,7 @@ impl Resolver<'_> {
                 let reader = system.wires().find(misplaced).map_or(0, |(_, to)| to);
                 (
                     system.members[reader].component.name.span(),
-                    format!("{now} connections carry values of another step"),
+                    format!("connections that carry values of another step: {now}"),
                     format!("`order = \"auto\"` in [simulation] finds an order with {fewer}"),
                 )
             }

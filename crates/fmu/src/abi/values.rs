@@ -165,11 +165,10 @@ impl Numbers {
     }
 
     fn check<E: Export>(&self, call: &Call<E>, length: usize) -> CallResult {
-        let is_valid = !self.array.is_null() && self.is_aligned && length <= isize::MAX as usize / self.width;
-        if length == 0 || is_valid {
+        if length == 0 {
             return Ok(());
         }
-        Err(call.no_array(name_of_values::<E>(), self.array.is_null(), length))
+        call.check_memory(name_of_values::<E>(), self.array.is_null(), self.is_aligned, [length, self.width])
     }
 }
 
