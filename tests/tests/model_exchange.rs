@@ -1,6 +1,7 @@
 //! FMUs of this exporter as components in model exchange, against their own co-simulation, closed forms, and the
 //! published runs of the Reference FMUs.
 
+use fmu_system::export::System;
 use fmu_system::failure::FailureKind;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::execute;
@@ -68,7 +69,11 @@ fn a_ball_comes_to_rest_as_in_co_simulation() {
 /// Reference: exp(-t), with the tolerance 1e-6 of the solver in each of its steps.
 #[test]
 fn dahlquist_decays() {
-    let recording = run(&plan("fmu = \"Dahlquist\"\ninterface = \"model-exchange\"", 10.0, 0.1, "\"own:x\""));
+    let plan = plan("fmu = \"Dahlquist\"\ninterface = \"model-exchange\"", 10.0, 0.1, "\"own:x\"");
+    let notes = System::new(&plan, &plan.runs[0]).unwrap().notes();
+    assert!(notes[0].contains("`own` is in model exchange; SSP has no place for its `solver`"), "{notes:?}");
+    assert!(notes[1].contains("libcosim does not support FMUs of FMI 3.0"), "{notes:?}");
+    let recording = run(&plan);
     for (time, x) in recording.time.iter().zip(columns(&recording)[0]) {
         assert!((x - (-time).exp()).abs() < 1e-5 * (-time).exp().max(0.01), "{time}: {x}");
     }

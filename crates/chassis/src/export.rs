@@ -59,6 +59,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     for file in files {
         outln!("  {}", file.display());
     }
+    for note in system.notes() {
+        errln!("note: {note}");
+    }
     for component in &run.components {
         for setting in &component.parameters {
             // The path is absolute, because the resolver has made it so.

@@ -53,9 +53,9 @@ enum Cli {
     /// Export a run of a scenario for other masters: an SSP package and a system structure for libcosim, with the FMUs
     ///
     /// DIR/NAME.ssp contains the structure with units of measure, the parameter sets and the FMUs, for Ecos, libcosim
-    /// and OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out if a component is of FMI 3.0, which
-    /// libcosim does not support. Constant inputs become start values, and recorded signals become connectors. Metrics
-    /// and figures are not exported.
+    /// and OMSimulator. DIR/OspSystemStructure.xml is for libcosim; it is left out of systems that libcosim does not
+    /// support. Constant inputs become start values, and recorded signals become connectors. Metrics and figures are
+    /// not exported.
     ///
     /// Neither file defines the order of the components within a step: Ecos and libcosim step all components at once
     /// (`--order jacobi` of `chassis run`).

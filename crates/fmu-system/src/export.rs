@@ -266,9 +266,30 @@ impl System {
         if self.has_fmi_3() { "2.0" } else { "1.0" }
     }
 
+    /// Why there is no configuration of libcosim, if there is none.
+    fn libcosim_obstacle(&self) -> Option<&'static str> {
+        if self.has_fmi_3() {
+            return Some("FMUs of FMI 3.0");
+        }
+        if self.components.iter().any(|component| component.is_exchange) {
+            return Some("FMUs in model exchange");
+        }
+        self.connections.iter().any(|connection| connection.conversion.is_some()).then_some("conversions of values")
+    }
+
+    /// What the files do not contain of the run, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let solver = |component: &Component| {
+            format!("`{}` is in model exchange; SSP has no place for its `solver` and `tolerance`", component.name)
+        };
+        let exchange = self.components.iter().filter(|component| component.is_exchange).map(solver);
+        let osp = |what| format!("{OSP_STRUCTURE} is left out, because libcosim does not support {what}");
+        exchange.chain(self.libcosim_obstacle().map(osp)).collect()
+    }
+
     /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file and,
-    /// if all components are of FMI 2.0 and no connection converts its value, the configuration of libcosim. With `overwrite`, the folder may contain the
-    /// files of an earlier call.
+    /// if libcosim supports the system, its configuration. With `overwrite`, the folder may contain the files of an
+    /// earlier call.
     ///
     /// # Errors
     /// The folder is not empty, or contains files that an earlier call did not write; a file cannot be read or written.
@@ -297,10 +318,7 @@ impl System {
         let package = format!("{}.ssp", self.name);
         ssp::write(self, &fmus, &new.join(&package)).map_err(at(&folder.join(&package)))?;
         let mut files = vec![folder.join(package)];
-        // Structures of OSP do not convert values, and libcosim integrates nothing.
-        let is_stepped = self.components.iter().all(|component| !component.is_exchange);
-        if is_stepped && !self.has_fmi_3() && self.connections.iter().all(|connection| connection.conversion.is_none())
-        {
+        if self.libcosim_obstacle().is_none() {
             osp::structure(self)
                 .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
                 .map_err(at(&folder.join(OSP_STRUCTURE)))?;
