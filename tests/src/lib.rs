@@ -438,14 +438,9 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
 #[track_caller]
 pub fn rejected<T>(result: Result<T, CallError>) -> String {
     match result {
-        Err(CallError {
-            problem: CallProblem::Status(Status::Error) | CallProblem::NoInstance,
-            messages,
-            instance,
-            function,
-        }) => {
-            let texts: Vec<_> = messages.into_iter().map(|message| message.text).collect();
-            assert!(!texts.is_empty(), "{instance}: {function} returned fmi2Error without a message");
+        Err(error) if matches!(error.problem, CallProblem::Status(Status::Error) | CallProblem::NoInstance) => {
+            let texts: Vec<_> = error.messages.iter().map(|message| message.text.as_str()).collect();
+            assert!(!texts.is_empty(), "{}: {} returned fmi2Error without a message", error.instance, error.function);
             texts.join("\n")
         }
         Err(other) => panic!("expected fmi2Error, got: {other}"),

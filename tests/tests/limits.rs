@@ -42,7 +42,7 @@ fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, Ca
 
 /// The message of an FMU that rejects a value, alone and with the related parameters; `None` if it is accepted.
 fn error_of(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
-    let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
+    let text = |error: CallError| error.messages.iter().map(|message| message.text.as_str()).collect::<String>();
     let alone = text(initialize(fmu, &[(parameter, value)]).err()?);
     if NEEDS_A_FILE.contains(&(&fmu.name, &parameter.name))
         && alone.contains("'table.file' must be the path of a CSV file")

@@ -33,7 +33,7 @@ mod values;
 
 pub use callbacks::{memory_callbacks, stray_messages};
 pub use clocks::{AskedInterval, MOST_ITERATIONS};
-pub use error::{CallError, CallProblem, LoadError, Message, Status};
+pub use error::{CallError, CallProblem, FailedCall, LoadError, Message, Status};
 pub use floats::take_restored;
 pub use instance::Instance;
 pub use integration::{Method, Solver};

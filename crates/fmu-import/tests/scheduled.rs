@@ -109,7 +109,7 @@ fn values_are_set_before_an_activation() {
     }
     assert_eq!(instance.due_clocks(1.25, 0.1), [TIMER, VARYING]);
     let error = instance.activate_partition(EVERY, 1.25).unwrap_err();
-    assert_eq!((error.function, error.problem), ("fmi3ActivateModelPartition", CallProblem::Status(Status::Error)));
+    assert_eq!((error.function, &error.problem), ("fmi3ActivateModelPartition", &CallProblem::Status(Status::Error)));
 }
 
 #[test]

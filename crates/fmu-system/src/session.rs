@@ -305,7 +305,7 @@ impl Component {
 
     /// Finds out whether a failed step ended the simulation; otherwise returns the error.
     #[cold]
-    fn ended(&mut self, error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
+    fn ended(&mut self, mut error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
         if !may_end || !self.instance.wants_termination().is_ok_and(|is_wanted| is_wanted) {
             return Err(error);
@@ -313,7 +313,8 @@ impl Component {
         let is_done = |reached: f64| (reached - end).abs() <= STEP_SLACK * step;
         let reached =
             if self.instance.last_successful_time().is_ok_and(is_done) { Reached::End } else { Reached::Start };
-        Ok(Some((reached, CallError { problem: CallProblem::Terminated, ..error })))
+        error.problem = CallProblem::Terminated;
+        Ok(Some((reached, error)))
     }
 
     fn read_outputs(&mut self, bus: &mut Bus) -> Result<(), CallError> {

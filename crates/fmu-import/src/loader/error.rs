@@ -110,9 +110,33 @@ pub enum CallProblem {
     Dead,
 }
 
-/// A call that failed.
+/// A call that failed. Boxed, so that results of calls that succeed fit in a register.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CallError {
+pub struct CallError(Box<FailedCall>);
+
+impl std::ops::Deref for CallError {
+    type Target = FailedCall;
+
+    fn deref(&self) -> &FailedCall {
+        &self.0
+    }
+}
+
+impl std::ops::DerefMut for CallError {
+    fn deref_mut(&mut self) -> &mut FailedCall {
+        &mut self.0
+    }
+}
+
+impl From<FailedCall> for CallError {
+    fn from(call: FailedCall) -> Self {
+        Self(Box::new(call))
+    }
+}
+
+/// What is known about a call that failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FailedCall {
     /// Name of the instance.
     pub instance: String,
     /// Name of the C function.
@@ -135,7 +159,7 @@ impl std::error::Error for CallError {}
 
 impl std::fmt::Display for CallError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { instance, function, .. } = self;
+        let FailedCall { instance, function, .. } = &**self;
         write!(f, "`{instance}`: ")?;
         match &self.problem {
             CallProblem::Status(status) => write!(f, "{function} returned {}", status.name(function)),

@@ -4,7 +4,7 @@ use super::array_values::{Buffers, Whole};
 use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
 use super::calls::{self, Board, Function};
 use super::clocks::Clocks;
-use super::error::{CallError, CallProblem, Message, Status};
+use super::error::{CallError, CallProblem, FailedCall, Message, Status};
 use super::floats::{self, FloatEnvironment};
 use super::functions::{Functions, v3};
 use super::integration::{Integration, Point};
@@ -98,11 +98,9 @@ impl Instance {
             Interface::ModelExchange => Function::InstantiateModelExchange,
             Interface::ScheduledExecution => Function::InstantiateScheduledExecution,
         };
-        let failed = |problem, messages| CallError {
-            instance: name.to_string(),
-            function: function.name(fmi),
-            problem,
-            messages,
+        let failed = |problem, messages| {
+            let call = FailedCall { instance: name.to_string(), function: function.name(fmi), problem, messages };
+            CallError::from(call)
         };
         let (Ok(c_name), Ok(c_guid)) = (CString::new(name), CString::new(guid)) else {
             return Err(failed(CallProblem::Arguments("the name or the GUID contains a zero byte"), Vec::new()));
@@ -249,7 +247,7 @@ impl Instance {
             self.dead = true;
         }
         let function = function.name(self.fmi());
-        CallError { instance: self.name().to_string(), function, problem, messages: self.log.take() }
+        FailedCall { instance: self.name().to_string(), function, problem, messages: self.log.take() }.into()
     }
 
     fn enter(&self, function: Function) {
@@ -437,6 +435,7 @@ impl Instance {
     /// model exchange, the integration over it ([`Self::integrate`]).
     /// No earlier state may be restored afterwards, except after [`Self::allow_earlier_states`]. Also fails if the FMU
     /// has not finished the step, or ends the simulation.
+    #[inline]
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         match &self.clocks {
             _ if self.integration.is_some() => self.step_integration(time, step),
@@ -473,6 +472,7 @@ impl Instance {
     /// Fails if the last step, from `time` to `time + step`, has returned early by the time that the FMU has written
     /// (FMI 3.0). This is not a part of [`Self::step`], which computes nothing in the floating-point environment of the
     /// host.
+    #[inline]
     pub fn check_reached(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         let is_early = self.step_end.time < time + (1.0 - EARLY) * step;
         if is_early { Err(self.not_stepped(self.step_end)) } else { Ok(()) }

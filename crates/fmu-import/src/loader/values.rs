@@ -232,9 +232,11 @@ impl Instance {
         if self.has_clocked(refs) {
             return self.set_held(refs, values, |value| Some(Value::Real(*value)), Self::set_real);
         }
-        self.keep_inputs(refs, values);
-        if !self.is_set_now(refs, values, Self::get_real)? {
-            return Ok(());
+        if self.integration.is_some() {
+            self.keep_inputs(refs, values);
+            if !self.is_set_now(refs, values, Self::get_real)? {
+                return Ok(());
+            }
         }
         if self.has_special(refs) {
             if self.has_elements(refs) {
@@ -253,7 +255,7 @@ impl Instance {
             let to = |value: &T| value.whole().and_then(Value::integer);
             return self.set_held(refs, values, to, Self::set_integer);
         }
-        if !self.is_set_now(refs, values, Self::get_integer)? {
+        if self.integration.is_some() && !self.is_set_now(refs, values, Self::get_integer)? {
             return Ok(());
         }
         if self.has_special(refs) {
@@ -287,7 +289,7 @@ impl Instance {
         if self.has_clocked(refs) {
             return self.set_held(refs, values, |value| Some(Value::Boolean(*value != 0)), Self::set_boolean);
         }
-        if !self.is_set_now(refs, values, Self::get_boolean)? {
+        if self.integration.is_some() && !self.is_set_now(refs, values, Self::get_boolean)? {
             return Ok(());
         }
         if self.fmi() == FmiVersion::V3 {

@@ -96,6 +96,7 @@ impl Group {
     }
 
     /// Makes the step of a component of the run. The components of the group make theirs with the first of them.
+    #[inline]
     pub(super) fn step(
         &self,
         index: usize,
@@ -103,9 +104,19 @@ impl Group {
         time: f64,
         step: f64,
     ) -> Result<Option<(Reached, CallError)>, CallError> {
-        if !self.members.contains(&index) {
+        if self.members.is_empty() || !self.members.contains(&index) {
             return signals.members[index].do_step(time, step);
         }
+        self.step_together(index, signals, time, step)
+    }
+
+    fn step_together(
+        &self,
+        index: usize,
+        signals: &mut Signals<'_>,
+        time: f64,
+        step: f64,
+    ) -> Result<Option<(Reached, CallError)>, CallError> {
         if self.members.iter().min() != Some(&index) {
             return Ok(None);
         }
