@@ -1,4 +1,4 @@
-//! Compares results with values computed by mpmath with 1400 bits (`tools/values.py`), in units in the last place of
+//! Compares results with values computed by mpmath with 1400 bits (`values.py`), in units in the last place of
 //! the exact result.
 //!
 //! The bounds are those in the documentation. A few hundred rows cannot prove a bound, but they reveal a wrong

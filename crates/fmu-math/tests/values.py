@@ -2,7 +2,7 @@
 # requires-python = ">=3.10"
 # dependencies = ["mpmath==1.4.1"]
 # ///
-"""Writes tests/values.bin: arguments and results computed by mpmath, for the accuracy test.
+"""Writes values.bin: arguments and results computed by mpmath, for the accuracy test.
 
 For each function: its name (8 bytes), the number of rows (4 bytes), the number of arguments (4 bytes), and rows of
 doubles: the arguments, the result rounded to a double, and the rounding error of this double.
@@ -134,7 +134,7 @@ def main() -> None:
     for name, rows in tables.items():
         data += struct.pack("<8sII", name.encode(), len(rows), len(rows[0]) - 2)
         data += b"".join(struct.pack(f"<{len(row)}d", *row) for row in rows)
-    (Path(__file__).parent.parent / "tests" / "values.bin").write_bytes(data)
+    (Path(__file__).parent / "values.bin").write_bytes(data)
 
 
 if __name__ == "__main__":
