@@ -188,6 +188,8 @@ fn interfaces(description: &ModelDescription) -> Vec<(String, Vec<String>)> {
                 (unit.provides_directional_derivative, "directional derivatives"),
                 (unit.provides_adjoint_derivatives, "adjoint derivatives"),
                 (unit.has_event_mode, "event mode"),
+                (unit.provides_intermediate_update, "intermediate updates"),
+                (unit.can_return_early_after_intermediate_update, "early return at intermediate updates"),
                 (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
             ];
             capabilities.extend(named.iter().filter(|(can, _)| *can).map(|(_, what)| (*what).to_owned()));

@@ -14,6 +14,7 @@ mod states;
 mod step_size;
 mod structure;
 mod types;
+mod updates;
 mod values;
 
 use super::{Checked, Event, Finding, Options, SCHEDULED_EXECUTION, Severity, Topic};
@@ -241,7 +242,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 19] = [
+        let stages: [(&str, Topic, Stage<'_>); 20] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -259,6 +260,7 @@ impl Trial<'_> {
             ("types of FMI 3.0", Standard, Self::types),
             (STRUCTURE, Standard, Self::structure),
             (clocks::CLOCKS, Standard, Self::clocks),
+            ("intermediate updates", Standard, Self::updates),
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),
         ];

@@ -349,3 +349,44 @@ fn lengths_that_structural_parameters_set_are_checked() {
         assert_eq!(of_trial.cloned().collect::<Vec<_>>(), expected, "{defects:?}");
     }
 }
+
+/// FMI 3.0.2, sections 4.2.1 and 4.2.2: updates are within the step and in order, change nothing, and the step ends where
+/// the importer asks for it.
+#[test]
+fn defects_of_intermediate_updates_are_found() {
+    let edits = [
+        (
+            "<CoSimulation modelIdentifier=\"Decay\"",
+            "<CoSimulation modelIdentifier=\"Decay\" providesIntermediateUpdate=\"true\" \
+             canReturnEarlyAfterIntermediateUpdate=\"true\"",
+        ),
+        ("name=\"y\" valueReference=\"5\"", "name=\"y\" valueReference=\"5\" intermediateUpdate=\"true\""),
+    ];
+    let sound = ["UPDATES=0.5", "LAST=1", "EFFECT=", "RESTORES=0", "CAN_RETURN=1", "IGNORES=0"];
+    let early = "canReturnEarlyAfterIntermediateUpdate: is promised, but ";
+    for (defects, expected) in [
+        (&[][..], String::new()),
+        (&["UPDATES=1.5"], "error: intermediateUpdate: is called at 0.015 s in the step from 0 s to 0.01 s".to_owned()),
+        (
+            &["UPDATES=0.75", "LAST=0.5"],
+            "error: intermediateUpdate: is called at 0.005 s after 0.0075 s, although that step of the solver was finished"
+                .to_owned(),
+        ),
+        (
+            &["EFFECT=i->m.u=NAN", "RESTORES=1"],
+            "error: intermediateUpdate: is called at 0.005 s, where `y` is NaN".to_owned(),
+        ),
+        (&["EFFECT=continue"], "warning: providesIntermediateUpdate: is promised, but 40 steps have no intermediate update".to_owned()),
+        (&["EFFECT=i->m.x+=0.125"], "error: intermediate updates: change the results; first `x`: ".to_owned()),
+        (&["CAN_RETURN=0"], format!("warning: {early}no intermediate update of a step allows it")),
+        (&["IGNORES=1"], format!("error: {early}a return requested at 0.05 s ends the step at 0.1 s")),
+    ] {
+        let name = |macro_: &str| macro_.split('=').next().unwrap().to_owned();
+        let kept = sound.iter().filter(|own| defects.iter().all(|defect| name(defect) != name(own)));
+        let macros: Vec<&str> = kept.chain(defects).copied().collect();
+        let (looked_at, lines) = checked(&Decay { defects: &macros, edits: &edits, ..Decay::new(FmiVersion::V3) });
+        assert!(looked_at.to_string().contains("intermediate updates"), "{looked_at}");
+        assert_eq!(lines.len(), usize::from(!expected.is_empty()), "{defects:?}: {lines:?}");
+        assert!(lines.iter().all(|line| line.starts_with(&expected)), "{defects:?}: {lines:?}");
+    }
+}

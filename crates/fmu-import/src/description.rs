@@ -411,6 +411,8 @@ pub struct Variable {
     pub derivative_of: Option<usize>,
     /// Value references of the clocks at whose ticks the variable changes (attribute `clocks` in FMI 3.0).
     pub clocks: Vec<Reference>,
+    /// True if the variable can be accessed in intermediate updates (FMI 3.0).
+    pub intermediate_update: bool,
     /// Index of the variable for which this is another name (`<Alias>` in FMI 3.0). An alias of an output is an output;
     /// other aliases are local, so that a value can be set by one name only.
     pub alias_of: Option<usize>,

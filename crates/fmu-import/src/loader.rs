@@ -29,6 +29,7 @@ mod strings;
 mod structure;
 #[cfg_attr(target_family = "wasm", path = "loader/system/wasm.rs")]
 mod system;
+mod updates;
 mod values;
 
 pub use callbacks::{memory_callbacks, stray_messages};
@@ -44,3 +45,4 @@ pub use special::WholeNumber;
 pub use states::SavedState;
 pub use system::flush_prints;
 pub use system::locale;
+pub use updates::Update;

@@ -22,10 +22,10 @@ static LOCKS: [AtomicU64; 2] = [AtomicU64::new(0), AtomicU64::new(0)];
 pub(super) unsafe extern "C" fn update(
     _: *mut c_void,
     _time: f64,
-    _sets: bool,
-    _gets: bool,
-    _is_finished: bool,
-    _can_return_early: bool,
+    _sets: RawBoolean,
+    _gets: RawBoolean,
+    _is_finished: RawBoolean,
+    _can_return_early: RawBoolean,
     requested: *mut RawBoolean,
     return_time: *mut f64,
 ) {

@@ -11,8 +11,10 @@ pub type RawBoolean = u8;
 
 /// `fmi3LogMessageCallback`: environment, status, category, message.
 pub type LogMessage = unsafe extern "C" fn(*mut c_void, RawStatus, *const c_char, *const c_char);
-/// `fmi3IntermediateUpdateCallback`; this crate passes null.
-pub type IntermediateUpdate = unsafe extern "C" fn(*mut c_void, f64, bool, bool, bool, bool, *mut RawBoolean, *mut f64);
+/// `fmi3IntermediateUpdateCallback`: environment, time, variables can be set, variables can be read, step of the solver is
+/// finished, early return is possible, early return requested, its time.
+pub type IntermediateUpdate =
+    unsafe extern "C" fn(*mut c_void, f64, RawBoolean, RawBoolean, RawBoolean, RawBoolean, *mut RawBoolean, *mut f64);
 
 /// `fmi3InstantiateCoSimulation`: name, token, resource path, visible, logging on, event mode used, early return allowed,
 /// required intermediate variables, their number, environment, logger, intermediate update.

@@ -59,8 +59,12 @@ pub struct Capabilities {
     pub can_run_asynchronously: bool,
     /// Step size of the internal solver (FMI 3.0), s.
     pub fixed_internal_step_size: Option<f64>,
-    /// The FMU can handle events in Event Mode in co-simulation (FMI 3.0). This crate never requests it.
+    /// The FMU can handle events in Event Mode in co-simulation (FMI 3.0). This crate requests it for clocks only.
     pub has_event_mode: bool,
+    /// The FMU can call the importer during a step (FMI 3.0).
+    pub provides_intermediate_update: bool,
+    /// The FMU ends a step at an intermediate update if the importer asks for it (FMI 3.0).
+    pub can_return_early_after_intermediate_update: bool,
     /// In model exchange, the importer must announce the end of each integration step.
     pub needs_completed_integrator_step: bool,
     /// At most one instance per process.

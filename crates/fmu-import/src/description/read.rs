@@ -168,6 +168,8 @@ fn capabilities(element: &Element, fmi: FmiVersion) -> Result<Capabilities, XmlE
         can_run_asynchronously: flag("canRunAsynchronuously")?,
         fixed_internal_step_size: element.real("fixedInternalStepSize")?,
         has_event_mode: flag("hasEventMode")?,
+        provides_intermediate_update: flag("providesIntermediateUpdate")?,
+        can_return_early_after_intermediate_update: flag("canReturnEarlyAfterIntermediateUpdate")?,
         needs_completed_integrator_step: is_exchange
             && match fmi {
                 FmiVersion::V2 => !flag("completedIntegratorStepNotNeeded")?,

@@ -9,9 +9,9 @@ use super::floats::{self, FloatEnvironment};
 use super::functions::{Functions, v3};
 use super::integration::{Integration, Point};
 use super::library::Library;
-use super::scheduled;
+use super::{scheduled, updates};
 use crate::c_api::v3::RawBoolean;
-use crate::c_api::{self, CallbackFunctions, Component, RawStatus};
+use crate::c_api::{self, CallbackFunctions, Component, RawStatus, Reference};
 use crate::description::{FmiVersion, Interface};
 use crate::signature::Signature;
 use std::ffi::{CString, c_char};
@@ -92,6 +92,18 @@ impl Instance {
     /// early return nor, in co-simulation without clocks, Event Mode. `logging` requests messages other than errors.
     /// Fails if the FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
+        Self::instantiate_with(library, name, guid, logging, None)
+    }
+
+    /// Like [`Self::instantiate`]. With `required`, an FMU of FMI 3.0 makes intermediate updates in co-simulation; the
+    /// second value allows early return.
+    pub(super) fn instantiate_with(
+        library: &Arc<Library>,
+        name: &str,
+        guid: &str,
+        logging: bool,
+        required: Option<(&[Reference], bool)>,
+    ) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
             Interface::CoSimulation => Function::InstantiateCoSimulation,
@@ -156,12 +168,12 @@ impl Instance {
                         logging,
                         // FMI 3.0.2, section 2.3.1: required if the FMU has clocks.
                         Clocks::of(&library.signature).is_some(),
-                        false,
-                        ptr::null(),
-                        0,
+                        required.is_some_and(|(_, early)| early),
+                        required.map_or(ptr::null(), |(variables, _)| variables.as_ptr()),
+                        required.map_or(0, |(variables, _)| variables.len()),
                         callbacks.environment,
                         log_text,
-                        None,
+                        required.map(|_| updates::intermediate_update as _),
                     ),
                     (None, Some(instantiate)) => instantiate(
                         c_name.as_ptr(),

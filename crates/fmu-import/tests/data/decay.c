@@ -24,10 +24,15 @@ typedef struct {
     uint64_t wide;
     int64_t mode;
 } Values;
+typedef void (*Updated)(void *environment, double time, bool set, bool get, bool finished, bool can_return, bool *returns,
+                        double *at);
 typedef struct {
     Values m;
     char label[32], resources[512];
     int exchange, started;
+    void *environment;
+    Updated updated;
+    bool early;
 } Instance;
 
 static void start(Instance *i) {
@@ -298,6 +303,11 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
                                          bool logging, bool events, bool early, const unsigned *required, size_t n,
                                          void *environment, LogMessage log, void *intermediate) {
     (void)name, (void)visible, (void)logging, (void)required, (void)intermediate;
+#ifdef UPDATES
+    Instance *i = events ? NULL : instantiate(token, resources, environment, log);
+    if (i) i->environment = environment, i->updated = (Updated)intermediate, i->early = early;
+    return i;
+#endif
     if (events || early || n) return NULL;
     return instantiate(token, resources, environment, log);
 }
@@ -428,6 +438,23 @@ EXPORT int fmi3DoStep(void *c, double t, double h, bool final, bool *event_neede
 #endif
 #ifdef CRASH
     abort();
+#endif
+#ifdef UPDATES /* the solver makes two steps; the times of the updates in parts of h are UPDATES and LAST */
+    Instance *i = c;
+    double times[] = {t + UPDATES * h, t + LAST * h}, at = 0;
+    for (int k = 0; k < 2; k++) {
+        bool returns = false;
+        step(i, h / 2);
+        i->m.time = t + (k + 1) * h / 2;
+        if (!i->updated) continue;
+        Values before = i->m;
+        EFFECT;
+        i->updated(i->environment, times[k], false, true, true, i->early && CAN_RETURN, &returns, &at);
+        if (RESTORES) i->m = before;
+        if (k == 0 && returns && !IGNORES) return *early = true, *reached = at, 0;
+    }
+    *reached = i->m.time;
+    return 0;
 #endif
     step(c, h);
     *reached = ((Instance *)c)->m.time = t + h;

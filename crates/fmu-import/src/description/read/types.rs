@@ -118,6 +118,7 @@ pub(super) fn variable(
         items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of: None,
         clocks: Vec::new(),
+        intermediate_update: false,
         alias_of: None,
         element: None,
         name,

@@ -90,6 +90,7 @@ impl<'a> VariableReader<'a> {
         };
         let variable = Variable {
             clocks: clocks(element)?,
+            intermediate_update: element.boolean("intermediateUpdate")?.unwrap_or_default(),
             ..types::variable(element, element, FMI, (base_type, data_type), types)?
         };
         let mut named = vec![(element, variable.clone())];
