@@ -109,7 +109,7 @@ fn summary(plan: &Plan) -> String {
     }
     for plan::Loop { at_start, path, held } in plan.wiring.iter().flat_map(|wiring| &wiring.loops) {
         let text = if *at_start {
-            format!("\nAlgebraic loop at the start, which is solved\n  {}", line(path))
+            format!("\nAlgebraic loop at the start, to be solved in the initialization\n  {}", line(path))
         } else {
             let held = held.join(", ");
             format!(

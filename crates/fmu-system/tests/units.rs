@@ -156,6 +156,7 @@ fn other_units_are_rejected_with_their_definitions() {
         ),
         ("Hz", "rad/s", [false; 2], Some(""), "is in Hz (1 s^-1), but", "a `factor` in the [[connection]]"),
         ("vague", "m", [false; 2], Some(""), "is in vague, which its FMU does not define, but", "`convert = false`"),
+        ("m", "s", [false; 2], Some("factor = 2.0"), "is in m (1 m), but", "only `factor` and `offset` of the"),
         (
             "degC",
             "K",

@@ -83,6 +83,7 @@ fn units(from: Place<'_>, to: Place<'_>, has_factor: bool) -> Result<Linear, (St
         Err(UnitMismatch { words: [is, other], is_angle }) => {
             let help = match is_angle {
                 true => "a `factor` in the [[connection]] converts an angle to or from a pure number",
+                _ if has_factor => "with `convert = false`, only `factor` and `offset` of the [[connection]] apply",
                 false => "`convert = false` in the [[connection]] passes the number unchanged",
             };
             Err((mismatch(from, to, &is, &other), Some(help.to_owned())))
