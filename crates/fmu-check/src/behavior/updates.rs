@@ -39,6 +39,7 @@ impl Trial<'_> {
             }
             count += updates.len();
         }
+        drop(instance);
         if count == 0 {
             let message = format!("is promised, but {} steps have no intermediate update", self.steps);
             found(report, Finding::warning("providesIntermediateUpdate", message));
