@@ -11,7 +11,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 CARGO_FMU = (str(ROOT / "target" / "debug" / "cargo-fmu"), "fmu")
-"""The command `cargo fmu`, which `scripts/test` builds."""
+"""The command `cargo fmu`, which `scripts/test` builds. `cargo run` would compile it again, with other features."""
+CHASSIS = str(ROOT / "target" / "debug" / "chassis")
+"""The command `chassis`, likewise."""
 
 
 def patience(seconds: float) -> float:

@@ -22,6 +22,7 @@ from fmpy.model_description import ScalarVariable
 from numpy.typing import NDArray
 
 import exported_system as systems
+from tests.commands import CHASSIS
 
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -121,7 +122,7 @@ class System:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    command = ["cargo", "chassis", "export", "scenarios/rescue_vehicle_step_steer.toml", "--case", "coordination"]
+    command = [CHASSIS, "export", "scenarios/rescue_vehicle_step_steer.toml", "--case", "coordination"]
     options = ["--stop", "0.05", "--fmus", str(FMUS), "--out", str(tmp_path / "system")]
     done = subprocess.run([*command, *options], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr

@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from chassis_fmu import libpython
-from tests.commands import CARGO_FMU
+from tests.commands import CARGO_FMU, CHASSIS
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -127,7 +127,7 @@ def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
     # The antilock brakes add the pressures that the controller requests to the pedal's pressure.
     base = ["--base", "AntilockBraking", "--base", "BrakeAndDriveActuators"]
     more = ["--suite", "handling", "--fmus", str(FOLDER), "--out", str(out)]
-    call("cargo", "chassis", "bench", "run", "EspCar", *base, "--no-page", "--with", controller, *python, *more)
+    call(CHASSIS, "bench", "run", "EspCar", *base, "--no-page", "--with", controller, *python, *more)
     assessment = json.loads((out / "assessment.json").read_text(encoding="utf-8"))
     rows = {row["id"]: row for row in assessment["metrics"]}
     times = rows["step_steer.yaw_rate.response_time"]

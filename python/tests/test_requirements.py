@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from chassis_fmu import program
+from tests.commands import CHASSIS
 
 # Requirements in several units, with and without a share, that are met, missed and undefined.
 SCENARIO = """
@@ -104,8 +105,8 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     scenario.write_text(SCENARIO, encoding="utf-8")
     out, again = tmp_path / "native", tmp_path / "python"
     shared: list[str | Path] = [scenario, *options, "--junit"]
-    native, text = run("cargo", "chassis", "run", "--no-page", *shared, tmp_path / "native.xml", "--out", out)
-    python: list[str | Path] = ["cargo", "chassis", "run", *shared, tmp_path / "python.xml", "--out", again]
+    native, text = run(CHASSIS, "run", "--no-page", *shared, tmp_path / "native.xml", "--out", out)
+    python: list[str | Path] = [CHASSIS, "run", *shared, tmp_path / "python.xml", "--out", again]
     code, words = run(*python, "--from-csv", out / "limits")
     # For shortened runs, a requirement is not evaluated, unless a value is already too large.
     is_cut = "--stop" in options
@@ -117,7 +118,7 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     assert documents[0] == documents[1]
     assert ("Not evaluated" in text) == is_cut
     assert "Failed" in text
-    relaxed, _ = run("cargo", "chassis", "run", "--no-page", scenario, *options, "--no-fail", "--out", out)
+    relaxed, _ = run(CHASSIS, "run", "--no-page", scenario, *options, "--no-fail", "--out", out)
     assert relaxed == 0
 
 
@@ -125,7 +126,7 @@ def test_verdicts_are_those_of_the_recorded_rows(tmp_path: Path) -> None:
     """Compare with peak and RMS of each run by NumPy; the printed numbers have four and three digits."""
     scenario = tmp_path / "limits.toml"
     scenario.write_text(SCENARIO, encoding="utf-8")
-    _, text = run("cargo", "chassis", "run", "--no-page", scenario, "--out", tmp_path)
+    _, text = run(CHASSIS, "run", "--no-page", scenario, "--out", tmp_path)
     for case, title in (("plain", "Plain & <simple>"), ("other", "Other")):
         for speed in (50, 90):
             files = [tmp_path / "limits" / "runs" / f"{case}_speed_{speed}_{seed}.csv" for seed in (1, 2, 3)]

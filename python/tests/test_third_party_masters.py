@@ -36,7 +36,7 @@ from lxml import etree
 
 import exported_system as systems
 from chassis_fmu.files.results import Recording, read_csv
-from tests.commands import CARGO_FMU
+from tests.commands import CARGO_FMU, CHASSIS
 
 ROOT = Path(__file__).parents[2]
 FMUS = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -92,7 +92,7 @@ def call(*command: str) -> subprocess.CompletedProcess[str]:
 
 
 def chassis(*arguments: str) -> None:
-    done = call("cargo", "chassis", *arguments)
+    done = call(CHASSIS, *arguments)
     assert done.returncode == 0, done.stdout
 
 

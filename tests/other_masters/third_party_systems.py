@@ -85,7 +85,7 @@ def run(path: Path, options: list[str]) -> tuple[bool, str]:
         path = Path(shutil.make_archive(name, "zip", path)).rename(f"{name}.ssp")
     out = FOLDER / "results"
     shutil.rmtree(out, ignore_errors=True)
-    command = ["cargo", "chassis", "run", str(path), "--no-page", "--out", str(out), *options]
+    command = ["target/debug/chassis", "run", str(path), "--no-page", "--out", str(out), *options]
     # A file without a stop time needs one.
     for more in [[], ["--stop", "20"]]:
         done = subprocess.run([*command, *more], cwd=ROOT, capture_output=True, text=True, check=False)
