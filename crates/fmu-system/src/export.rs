@@ -6,7 +6,7 @@
 //!   connectors, units of measure and connections, a parameter set for every component, the FMUs, and the annotations
 //!   from which OMSimulator and libcosim take the step (Ecos and FMPy take it from the caller),
 //! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs in the same folder; left out if a component
-//!   is of FMI 3.0 or in model exchange, which libcosim does not support.
+//!   is of FMI 3.0 or in model exchange, or if a connection converts values, which libcosim does not support.
 //!
 //! Constant inputs become start values in both. Neither format defines the order of the components within a step, the
 //! recording, or the metrics. Recorded outputs become connectors, so a tool that records all connectors also records
@@ -266,18 +266,17 @@ impl System {
         if self.has_fmi_3() { "2.0" } else { "1.0" }
     }
 
-    /// Why there is no configuration of libcosim, if there is none.
+    /// The feature for which libcosim cannot run the system.
     fn libcosim_obstacle(&self) -> Option<&'static str> {
-        if self.has_fmi_3() {
-            return Some("FMUs of FMI 3.0");
-        }
-        if self.components.iter().any(|component| component.is_exchange) {
-            return Some("FMUs in model exchange");
-        }
-        self.connections.iter().any(|connection| connection.conversion.is_some()).then_some("conversions of values")
+        let obstacles = [
+            ("FMUs of FMI 3.0", self.has_fmi_3()),
+            ("FMUs in model exchange", self.components.iter().any(|component| component.is_exchange)),
+            ("conversions of values", self.connections.iter().any(|connection| connection.conversion.is_some())),
+        ];
+        obstacles.into_iter().find_map(|(what, is_used)| is_used.then_some(what))
     }
 
-    /// What the files do not contain of the run, a sentence each.
+    /// Lists the parts of the run that the files do not contain, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let solver = |component: &Component| {
             format!("`{}` is in model exchange; SSP has no place for its `solver` and `tolerance`", component.name)

@@ -226,6 +226,9 @@ enum Reached {
     End,
 }
 
+/// Result of a step: if the component ends the simulation, the time that it has reached, and the call.
+type Stepped<E> = Result<Option<(Reached, CallError)>, E>;
+
 struct Component {
     instance: Instance,
     inputs: Port,
@@ -296,7 +299,7 @@ impl Component {
         Ok(())
     }
 
-    fn do_step(&mut self, time: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
+    fn do_step(&mut self, time: f64, step: f64) -> Stepped<CallError> {
         match self.instance.do_step(time, step).and_then(|()| self.instance.check_reached(time, step)) {
             Ok(()) => Ok(None),
             Err(error) => self.ended(error, time + step, step),
@@ -305,7 +308,7 @@ impl Component {
 
     /// Finds out whether a failed step ended the simulation; otherwise returns the error.
     #[cold]
-    fn ended(&mut self, mut error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
+    fn ended(&mut self, mut error: CallError, end: f64, step: f64) -> Stepped<CallError> {
         let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
         if !may_end || !self.instance.wants_termination().is_ok_and(|is_wanted| is_wanted) {
             return Err(error);
@@ -764,7 +767,7 @@ impl Session {
 
     /// Makes a step of all components. If a component ends the simulation, returns the time that it has reached, and
     /// the call.
-    fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, FmusError> {
+    fn step_all(&mut self, time: f64) -> Stepped<FmusError> {
         let Self { simulation, members, clocked, bus, feeder, overwritten, coupling, step: done, .. } = self;
         let step = simulation.step_size(*done, time);
         if let Some(coupling) = coupling {

@@ -60,7 +60,7 @@ impl Trial<'_> {
         Ok(instance)
     }
 
-    /// What is wrong with the updates of a step that starts at `time`.
+    /// Describes the first mistake in the updates of a step that starts at `time`.
     fn mistake(&self, time: f64, updates: &[Update], read: &[&Variable]) -> Option<String> {
         let (mut last, end, slack) = (time, time + self.step, SLACK * self.step);
         for update in updates {

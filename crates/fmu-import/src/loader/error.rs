@@ -134,7 +134,7 @@ impl From<FailedCall> for CallError {
     }
 }
 
-/// What is known about a call that failed.
+/// Details of a call that failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailedCall {
     /// Name of the instance.

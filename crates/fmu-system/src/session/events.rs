@@ -12,7 +12,7 @@
 //! on the order of the components. Clocks that are due at the end of a step tick at the start of the next step, with
 //! the inputs of that step.
 
-use super::{Bus, Component, Overwritten, Reached};
+use super::{Bus, Component, Overwritten, Reached, Stepped};
 use crate::run::Run;
 use fmu_import::c_api::Reference;
 use fmu_import::loader::{CallError, MOST_ITERATIONS};
@@ -97,26 +97,14 @@ impl Group {
 
     /// Makes the step of a component of the run. The components of the group make theirs with the first of them.
     #[inline]
-    pub(super) fn step(
-        &self,
-        index: usize,
-        signals: &mut Signals<'_>,
-        time: f64,
-        step: f64,
-    ) -> Result<Option<(Reached, CallError)>, CallError> {
+    pub(super) fn step(&self, index: usize, signals: &mut Signals<'_>, time: f64, step: f64) -> Stepped<CallError> {
         if self.members.is_empty() || !self.members.contains(&index) {
             return signals.members[index].do_step(time, step);
         }
         self.step_together(index, signals, time, step)
     }
 
-    fn step_together(
-        &self,
-        index: usize,
-        signals: &mut Signals<'_>,
-        time: f64,
-        step: f64,
-    ) -> Result<Option<(Reached, CallError)>, CallError> {
+    fn step_together(&self, index: usize, signals: &mut Signals<'_>, time: f64, step: f64) -> Stepped<CallError> {
         if self.members.iter().min() != Some(&index) {
             return Ok(None);
         }
