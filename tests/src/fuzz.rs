@@ -105,6 +105,8 @@ struct Slot<'a> {
     events: EventArguments<'a>,
     /// Values of the structural parameters.
     lengths: Vec<u64>,
+    /// False after a state was restored to a mode in which no value can be read.
+    are_lengths_known: bool,
     name: Vec<u8>,
     has_logger: bool,
     /// True if the instance logs all categories, including discarded calls.
@@ -575,8 +577,19 @@ impl<'a> Fuzzer<'a> {
                 let (states, freed, interface) = (Vec::new(), Vec::new(), found.unwrap_or(interface));
                 let mode = INSTANTIATED;
                 let lengths = self.structural.iter().map(|(_, start)| *start).collect();
-                let slot =
-                    Slot { lengths, instance, interface, events, name, has_logger, all_logged, mode, states, freed };
+                let slot = Slot {
+                    lengths,
+                    are_lengths_known: true,
+                    instance,
+                    interface,
+                    events,
+                    name,
+                    has_logger,
+                    all_logged,
+                    mode,
+                    states,
+                    freed,
+                };
                 if self.slots.len() < INSTANCES {
                     self.slots.push(slot);
                 } else {

@@ -181,6 +181,11 @@ impl Mode {
         }
     }
 
+    /// True before the end of the initialization.
+    pub(crate) const fn is_before_start(self) -> bool {
+        matches!(self, Self::Instantiated | Self::Configuration | Self::Initialization)
+    }
+
     const fn bit(self) -> u16 {
         1 << self as u8
     }
@@ -258,12 +263,12 @@ calls! {
     SetInt64 "" "fmi3SetInt64":                                               NO, NO, CS_SET, ME_SET, SE_SET;
     SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
     SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, CS_SET, ME_SET, SE_SET;
-    GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T, I|N|A|T;
-    SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
-    FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
-    SerializedFMUstateSize "fmi2SerializedFMUstateSize" "fmi3SerializedFMUStateSize": I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
-    SerializeFMUstate "fmi2SerializeFMUstate" "fmi3SerializeFMUState":        I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
-    DeSerializeFMUstate "fmi2DeSerializeFMUstate" "fmi3DeserializeFMUState":  I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T, I|N|A|T;
+    GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    SerializedFMUstateSize "fmi2SerializedFMUstateSize" "fmi3SerializedFMUStateSize": I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    SerializeFMUstate "fmi2SerializeFMUstate" "fmi3SerializeFMUState":        I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
+    DeSerializeFMUstate "fmi2DeSerializeFMUstate" "fmi3DeserializeFMUState":  I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T|K|R, I|N|E|C|T|K|R, I|N|A|T|K|R;
     GetDirectionalDerivative "fmi2GetDirectionalDerivative" "fmi3GetDirectionalDerivative": N|S|F|T, N|E|C|T, N|S|E|F|T, N|E|C|T, N|A|T;
     GetAdjointDerivative "" "fmi3GetAdjointDerivative":                       NO, NO, N|S|E|F|T, N|E|C|T, N|A|T;
     // Model exchange, and events.

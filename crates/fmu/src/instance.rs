@@ -158,7 +158,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn is_before_start(&self) -> bool {
-        matches!(self.mode, Mode::Instantiated | Mode::Configuration | Mode::Initialization)
+        self.mode.is_before_start()
     }
 
     /// Marks the instance as broken after a panic: only reset and free are allowed.

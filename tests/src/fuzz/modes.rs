@@ -261,7 +261,12 @@ impl Fuzzer<'_> {
 
     /// Compares the lengths of arrays with those that were set, which only a restored state and a reset change.
     pub(super) fn check_lengths(&mut self, at: usize, function: &str, status: RawStatus) -> Checked {
-        if self.structural.is_empty() || self.is_configuring(at) {
+        if self.structural.is_empty() {
+            return Ok(());
+        }
+        if self.is_configuring(at) {
+            // In these modes, no value can be read.
+            self.slots[at].are_lengths_known &= status != OK || function != "fmi2SetFMUstate";
             return Ok(());
         }
         let references: Vec<_> = self.structural.iter().map(|(reference, _)| *reference).collect();
@@ -269,7 +274,8 @@ impl Fuzzer<'_> {
         let slot = &mut self.slots[at];
         let read = slot.instance.get(Some(&references), references.len(), Some(&mut lengths));
         let log = slot.instance.take_log();
-        if status == OK && function == "fmi2SetFMUstate" {
+        let are_known = std::mem::replace(&mut slot.are_lengths_known, true);
+        if !are_known || status == OK && function == "fmi2SetFMUstate" {
             slot.lengths.clone_from(&lengths);
         } else if status == OK && function == RESET {
             slot.lengths = self.structural.iter().map(|(_, start)| *start).collect();

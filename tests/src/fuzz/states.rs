@@ -29,7 +29,6 @@ impl Fuzzer<'_> {
     }
 
     pub(super) fn state(&mut self, at: usize) -> Checked {
-        let is_closed = self.is_configuring(at);
         match self.random.below(12) {
             0..3 => self.save(at),
             3..6 => {
@@ -38,8 +37,7 @@ impl Fuzzer<'_> {
                 let text = format!("{what} {place:?}");
                 let next = mode.map_or(Next::Any, Next::To);
                 let status = self.call(at, "fmi2SetFMUstate", text, next, |instance| instance.set_state(state))?;
-                let is_due = place.is_some() && !is_closed;
-                ensure((status == OK) == is_due, || format!("fmi2SetFMUstate, {what}, returned {status}"))
+                ensure((status == OK) == place.is_some(), || format!("fmi2SetFMUstate, {what}, returned {status}"))
             }
             6 => self.free(at),
             7..9 => self.serialize(at),
@@ -75,7 +73,7 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?}");
         let status =
             self.call(at, "fmi2GetFMUstate", text, Next::Same, |instance| instance.get_state(Some(&mut state)))?;
-        let is_due = (before.is_null() || place.is_some()) && mode != Some(FAILED) && !self.is_configuring(at);
+        let is_due = (before.is_null() || place.is_some()) && mode != Some(FAILED);
         ensure(mode.is_none() || (status == OK) == is_due, || {
             format!("fmi2GetFMUstate into a state, {what}, returned {status}")
         })?;
@@ -93,7 +91,7 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?}");
         let status =
             self.call(at, "fmi2FreeFMUstate", text, Next::Same, |instance| instance.free_state(Some(&mut state)))?;
-        let is_due = (before.is_null() || place.is_some()) && !self.is_configuring(at);
+        let is_due = before.is_null() || place.is_some();
         ensure((status == OK) == is_due, || format!("fmi2FreeFMUstate, {what}, returned {status}"))?;
         ensure(state.is_null() || (status != OK && state == before), || "another pointer".to_owned())?;
         if let Some(place) = place.filter(|_| status == OK) {
@@ -112,10 +110,7 @@ impl Fuzzer<'_> {
         let text = format!("{what} {place:?} {has_target}");
         let function = "fmi2SerializedFMUstateSize";
         let status = self.call(at, function, text, Next::Same, |instance| instance.state_size(state, target))?;
-        let is_open = !self.is_configuring(at);
-        ensure((status == OK) == (place.is_some() && has_target && is_open), || {
-            format!("{function} returned {status}")
-        })?;
+        ensure((status == OK) == (place.is_some() && has_target), || format!("{function} returned {status}"))?;
         if size == usize::MAX - 1 {
             size = 100;
         }
@@ -124,7 +119,7 @@ impl Fuzzer<'_> {
         let size = if self.chance(6) { wrong } else { size };
         let mut bytes = vec![MARK; size + 8];
         let target = if self.chance(40) { None } else { Some(bytes.as_mut_slice()) };
-        let is_due = place.is_some() && size >= needed && target.is_some() && is_open;
+        let is_due = place.is_some() && size >= needed && target.is_some();
         let text = format!("{what} {place:?} {size} {}", target.is_some());
         let function = "fmi2SerializeFMUstate";
         let status = self.call(at, function, text, Next::Same, |instance| instance.serialize(state, target, size))?;
@@ -221,7 +216,6 @@ impl Fuzzer<'_> {
         let status = self
             .call(at, function, text, Next::Same, |instance| instance.deserialize(source, count, Some(&mut state)))?;
         let fits = !is_null && count == bytes.len() && (before.is_null() || place.is_some());
-        let fits = fits && !self.is_configuring(at);
         let is_due = is_due.map(|is_due| is_due && fits);
         ensure(is_due.is_none_or(|is_due| (status == OK) == is_due), || {
             format!("{function}, {what}, returned {status}")

@@ -37,7 +37,7 @@ pub(crate) fn write<M: Model>(
     layout: &Layout,
     snapshot: &Snapshot<M>,
 ) -> Result<Vec<u8>, String> {
-    let initialized = is_initialized(snapshot.mode);
+    let initialized = !snapshot.mode.is_before_start();
     let mut values = snapshot.values.clone();
     let starts = ValueStore::start(layout);
     for variable in layout.variables.iter().filter(|variable| is_computed::<M>(snapshot.mode, variable)) {
@@ -70,14 +70,10 @@ pub(crate) fn write<M: Model>(
     Ok(out)
 }
 
-fn is_initialized(mode: Mode) -> bool {
-    !matches!(mode, Mode::Instantiated | Mode::Initialization)
-}
-
 /// Returns true if a value is computed from other values before it is read. In model exchange, outputs that are not
 /// real keep their values between two events.
 fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
-    let initialized = is_initialized(mode);
+    let initialized = !mode.is_before_start();
     match variable.role {
         Role::Calculated | Role::Derivative | Role::Clocked | Role::Previous => true,
         Role::State => variable.declaration.calculated && !initialized,
@@ -92,7 +88,7 @@ fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
 
 /// Returns true for modes in which no state is saved, although no error has led to them.
 fn is_transient(mode: Mode) -> bool {
-    matches!(mode, Mode::IntermediateUpdate | Mode::Configuration | Mode::Reconfiguration | Mode::ClockUpdate)
+    matches!(mode, Mode::IntermediateUpdate | Mode::ClockUpdate)
 }
 
 fn read_switch(source: &mut Words<'_>) -> Result<bool, String> {
@@ -178,7 +174,7 @@ pub(crate) fn read<M: Model>(
         return Err("the derivative of an input is not a finite number".to_owned());
     }
     let is_tolerance_set = read_switch(source)?;
-    let initialized = is_initialized(mode);
+    let initialized = !mode.is_before_start();
     if mode == Mode::Broken {
         return Err(format!("no state can be saved in {}", mode.name()));
     }

@@ -322,6 +322,30 @@ fn saved_states_contain_the_sizes() {
     assert_eq!(instance.values::<2>("sum"), copy.values::<2>("sum"));
 }
 
+/// States are saved and restored in all modes of the super state FMU State Setable. Reference: FMI 3.0.2, section 2.3.
+#[test]
+fn states_are_saved_while_structural_parameters_are_set() {
+    let instance = Instance::<Tanks>::co_simulation(false);
+    instance.call(fmi3::enter_configuration_mode::<Tanks>);
+    assert_eq!(instance.set_size("n", 2), Status::Ok);
+    let copy = instance.copied();
+    assert_eq!(copy.set_size("m", 2), Status::Ok);
+    copy.call(fmi3::exit_configuration_mode::<Tanks>);
+    let copy = copy.initialized();
+    assert_eq!(copy.values::<2>("level"), [1.0, 1.0]);
+    assert_eq!(copy.step(0.0, 0.5).0, Status::Ok);
+    copy.call(fmi3::enter_configuration_mode::<Tanks>);
+    assert_eq!(copy.set_size("n", 3), Status::Ok);
+    let other = copy.copied();
+    assert_eq!(other.set_size("m", 1), Status::Error);
+    for instance in [&copy, &other] {
+        instance.call(fmi3::exit_configuration_mode::<Tanks>);
+        assert_eq!(instance.step(0.5, 0.5).0, Status::Ok);
+    }
+    assert_eq!(other.values::<3>("level"), copy.values::<3>("level"));
+    assert_eq!(other.values::<2>("sum"), copy.values::<2>("sum"));
+}
+
 macro_rules! decays {
     ($($model:ident $state:ident: [$($size:tt)*], $type:ty, { $($n:tt)* };)*) => {$(
         #[derive(Parameters)]
