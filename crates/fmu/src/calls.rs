@@ -419,7 +419,7 @@ mod tests {
     }
 
     /// FMI 3.0.2, sections 2.3 (Configuration Mode and Reconfiguration Mode) and 5.2 (Clock Update Mode), and the tables
-    /// of the modes from which they are entered. Logging and reset are always possible.
+    /// of the modes from which they are entered. Logging, saved states and reset are always possible.
     #[test]
     fn modes_for_one_purpose_allow_only_its_functions() {
         let names = |protocol, mode| -> Vec<_> {
@@ -428,6 +428,8 @@ mod tests {
         };
         for protocol in [Protocol::CS3, Protocol::ME3, Protocol::SE3] {
             for mode in [Mode::Configuration, Mode::Reconfiguration] {
+                let is_of_states = |name: &&str| name.ends_with("FMUState") || name.ends_with("FMUStateSize");
+                let states = Function::ALL.iter().map(|function| function.name(Version::Fmi3)).filter(is_of_states);
                 let setters = Function::ALL.iter().map(|function| function.name(Version::Fmi3)).filter(|name| {
                     let value = name.strip_prefix("fmi3Set").unwrap_or("Time");
                     // Structural parameters are integers or Booleans.
@@ -435,7 +437,7 @@ mod tests {
                         && !["Interval", "Shift"].iter().any(|word| value.starts_with(word))
                 });
                 let others = ["fmi3SetDebugLogging", "fmi3Reset", "fmi3ExitConfigurationMode"];
-                let mut expected: Vec<_> = setters.chain(others).collect();
+                let mut expected: Vec<_> = setters.chain(states).chain(others).collect();
                 let mut found = names(protocol, mode);
                 expected.sort_unstable();
                 found.sort_unstable();

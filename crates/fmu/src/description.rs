@@ -184,21 +184,28 @@ impl Description {
         };
         let mut all = Vec::new();
         for (position, line) in lines.enumerate() {
-            let (after_start, start) = line.split_once(';')?;
+            let (list, adds_parameters) = match line.split_once(';') {
+                Some((after_start, start)) => (if at_start { start } else { after_start }, false),
+                None if line.is_empty() => return None,
+                None => (line, at_start),
+            };
             let Some(element) = number(reference, position) else { continue };
             let mut add = |on: u32| {
                 if let Some(element_of) = number(first(on), (on - first(on)) as usize) {
                     all.push(Dependency { element, on: first(on), element_of });
                 }
             };
-            for range in (if at_start { start } else { after_start }).split(' ').filter(|range| !range.is_empty()) {
-                if range == "p" {
+            let mut ranges = list.split(' ').filter(|range| !range.is_empty());
+            let mut range = if adds_parameters { Some("p") } else { ranges.next() };
+            while let Some(text) = range {
+                range = ranges.next();
+                if text == "p" {
                     let is_shown = |v: &&Variable| v.role == Role::Parameter && v.is_in(Version::Fmi3);
                     let parameters = self.layout.variables.iter().filter(is_shown);
                     parameters.for_each(|parameter| add(parameter.reference));
                     continue;
                 }
-                let (first, last) = range.split_once('-').unwrap_or((range, range));
+                let (first, last) = text.split_once('-').unwrap_or((text, text));
                 (first.parse().ok()?..=last.parse().ok()?).for_each(&mut add);
             }
         }
@@ -721,7 +728,8 @@ mod tests {
                 priority: None,
             },
         ];
-        let layout = |clocks, outputs, inputs, parameters| {
+        let layout = |clocks: &[InputClock], outputs, inputs, parameters| {
+            let clocks = clocks.iter().map(crate::variable::declare_clock).collect();
             Layout::new(Declarations { clocks, outputs, inputs, parameters, ..Declarations::default() })
         };
         let of = |layout: &Layout| contradiction(&INFO, layout, Format::FMI3, false).unwrap_or_default();

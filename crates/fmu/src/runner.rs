@@ -26,7 +26,7 @@ use crate::number::{Number as _, is_finite_f32};
 use crate::store::{Counts, ValueStore};
 use crate::timeline::Timeline;
 use crate::variable::{Block, Declarations, Kind as Type, Layout, Variable};
-use crate::variables::{Derived, Parameters, Variables as _};
+use crate::variables::{Derived, Parameters, Variables};
 
 /// Kind of model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,6 +133,11 @@ pub struct Run<'a, M: Model> {
     pub values: &'a mut ValueStore,
 }
 
+/// The variables that can be set, without the states, which are Float64s.
+const fn settable<P: Variables<f64>, I: Variables<f64>, O: Variables<f64>>() -> Counts {
+    P::COUNTS.plus(I::COUNTS).plus(O::COUNTS)
+}
+
 /// Interface between a model and its instances.
 pub trait Model: Sized + 'static {
     /// Metadata of the model.
@@ -145,6 +150,8 @@ pub trait Model: Sized + 'static {
     const EQUATIONS_READ: Option<&'static [&'static str]> = None;
     /// See [`Discrete::FOLLOWS`](crate::Discrete::FOLLOWS).
     const FOLLOWS: Influence = |_, _| false;
+    /// Numbers of the variables that can be set in some mode, by type.
+    const SETTABLE: Counts;
     /// True if instances support model exchange.
     const MODEL_EXCHANGE: bool;
     /// True if the state can be serialized.

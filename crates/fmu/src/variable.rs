@@ -340,7 +340,7 @@ pub struct Declarations {
     /// Continuous states.
     pub states: Vec<Declaration>,
     /// Input clocks.
-    pub clocks: &'static [InputClock],
+    pub clocks: Vec<Declaration>,
     /// Number of zero crossings.
     pub crossings: usize,
     /// Finds the arrays with structural parameters. `None` if the model has none, so that its library does not contain it.
@@ -406,21 +406,21 @@ impl Layout {
             (Role::Previous, declared.previous),
             (Role::State, declared.states),
             (Role::Derivative, derivatives),
-            (Role::Clock, declared.clocks.iter().map(clock).collect()),
+            (Role::Clock, declared.clocks),
         ];
         let mut total = Counts::ZERO;
         let mut variables = Vec::new();
-        let [parameters, derived, inputs, outputs, clocked, previous, states, derivatives, clocks] =
-            blocks.map(|(role, block)| {
-                let (at, mut counts) = (total, Counts::ZERO);
-                for declaration in block {
-                    let index = declaration.kind.of(at.plus(counts));
-                    counts = counts.plus(declaration.kind.counts());
-                    variables.push(Variable { declaration, role, index, reference: 0 });
-                }
-                total = total.plus(counts);
-                Block { at, counts }
-            });
+        let mut placed = [Block::default(); 9];
+        for ((role, block), placed) in blocks.into_iter().zip(&mut placed) {
+            placed.at = total;
+            for declaration in block {
+                let index = declaration.kind.of(total);
+                total = total.plus(declaration.kind.counts());
+                placed.counts = placed.counts.plus(declaration.kind.counts());
+                variables.push(Variable { declaration, role, index, reference: 0 });
+            }
+        }
+        let [parameters, derived, inputs, outputs, clocked, previous, states, derivatives, clocks] = placed;
         let words = total.reals;
         let booleans = words + total.words;
         let strings = booleans + total.booleans;
@@ -829,7 +829,8 @@ fn derivative_of(state: &Declaration) -> Declaration {
     }
 }
 
-fn clock(clock: &InputClock) -> Declaration {
+/// The declaration of an input clock.
+pub(crate) fn declare_clock(clock: &InputClock) -> Declaration {
     Declaration {
         name: clock.name.to_owned(),
         description: clock.description.to_owned(),

@@ -18,6 +18,14 @@ pub(super) struct List<V> {
     pub(super) value_count: size_t,
 }
 
+impl<V> List<V> {
+    /// The list without its values.
+    fn empty(self) -> List<()> {
+        let Self { references, count, value_count, .. } = self;
+        List { references, count, values: (), value_count }
+    }
+}
+
 fn is_fmi3<E: Export>() -> bool {
     E::FORMAT.version == Version::Fmi3
 }
@@ -87,6 +95,24 @@ unsafe fn set<E: Export, V>(
             let (references, instance) = elements(h, call, list.references, list.count)?;
             check_count(call, references.len(), values.len())?;
             write(instance, references, values)
+        })
+    }
+}
+
+/// The functions for types of which no variable can be set: numbers of a size, Booleans, Strings and Binaries. A library
+/// contains one copy, which is smaller than each of them.
+#[inline(never)]
+unsafe fn set_nothing<E: Export>(
+    component: Component,
+    function: Function,
+    size: Option<Size>,
+    list: List<()>,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h, call| {
+            let (references, instance) = elements(h, call, list.references, list.count)?;
+            check_count(call, references.len(), list.value_count)?;
+            instance.set_nothing(function, size, references)
         })
     }
 }
@@ -195,6 +221,9 @@ pub(super) unsafe fn set_integer<E: Export>(component: Component, list: List<*co
 
 /// Used in both versions of FMI.
 pub(super) unsafe fn set_number<E: Export>(component: Component, function: Function, list: List<Numbers>) -> Status {
+    if E::Model::SETTABLE.words == 0 {
+        return unsafe { set_nothing::<E>(component, function, list.values.size, list.empty()) };
+    }
     unsafe {
         call::<E>(component, function, |h, call| {
             let List { values, value_count, .. } = list;
@@ -216,6 +245,9 @@ pub(super) unsafe fn set_boolean<E: Export>(
     component: Component,
     list: List<*const (impl Copy + Into<i64>)>,
 ) -> Status {
+    if E::Model::SETTABLE.booleans == 0 {
+        return unsafe { set_nothing::<E>(component, Function::SetBoolean, None, list.empty()) };
+    }
     unsafe {
         set::<E, _>(component, Function::SetBoolean, list, |instance, references, values| {
             let values: Vec<_> = values.iter().map(|&value| value.into() != 0).collect();
@@ -253,6 +285,9 @@ pub(super) unsafe fn set_binary<E: Export>(
     component: Component,
     list: List<Binaries<*const size_t, *const *const u8>>,
 ) -> Status {
+    if E::Model::SETTABLE.binaries == 0 {
+        return unsafe { set_nothing::<E>(component, Function::SetBinary, None, list.empty()) };
+    }
     unsafe {
         call::<E>(component, Function::SetBinary, |h, call| {
             let sizes = call.array("valueSizes", list.values.sizes, list.value_count)?;
@@ -273,6 +308,9 @@ pub(super) unsafe fn get_string<E: Export>(component: Component, list: List<*mut
 
 pub(super) unsafe fn set_string<E: Export>(component: Component, list: List<*const *const c_char>) -> Status {
     let function = Function::SetString;
+    if E::Model::SETTABLE.strings == 0 {
+        return unsafe { set_nothing::<E>(component, function, None, list.empty()) };
+    }
     unsafe {
         set::<E, _>(component, function, list, |instance, references, values| {
             let to_text = |&value: &*const c_char| {

@@ -243,7 +243,8 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
 
 /// The dependencies for the functions of FMI 3.0. The line of a value reference lists the references on which the variable
 /// depends, as numbers and ranges; after a semicolon, it lists those at the start, where `p` stands for all parameters.
-/// The line of a variable of another version is empty.
+/// Without a semicolon, those at the start are all parameters and the same references. The line of a variable of another
+/// version is empty.
 pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) -> String {
     let Unknowns { outputs, derivatives, clocked, initial } = unknowns;
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
@@ -276,7 +277,12 @@ pub(super) fn table(layout: &Layout, unknowns: &Unknowns<'_>, format: Format) ->
     };
     let line = |(reference, line): (u32, [Vec<u32>; 2])| {
         let is_shown = layout.by_reference(reference).map_or(reference >= layout.end, |v| v.is_in(format.version));
-        if is_shown { line.map(text).join(";") } else { String::new() }
+        if !is_shown {
+            return String::new();
+        }
+        let [after_start, start] = line.map(text);
+        let is_short = !after_start.is_empty() && start == format!("p {after_start}");
+        if is_short { after_start } else { format!("{after_start};{start}") }
     };
     (0..).zip(lines).map(line).collect::<Vec<_>>().join("\n")
 }

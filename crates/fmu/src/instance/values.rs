@@ -522,6 +522,19 @@ impl<M: Model> Instance<M> {
         })
     }
 
+    /// The functions for types of which no variable can be set. Fails if there is a reference.
+    pub fn set_nothing(&self, function: Function, size: Option<Size>, references: &[u32]) -> CallResult {
+        self.check(function)?;
+        let Some(&reference) = references.first() else { return Ok(()) };
+        match function {
+            Function::SetBoolean => self.boolean(function, reference)?,
+            Function::SetString => self.string(function, reference)?,
+            Function::SetBinary => self.binary(function, reference)?,
+            _ => self.number(function, size, reference)?,
+        };
+        self.settable(function, reference).map(drop)
+    }
+
     /// fmi2SetBoolean. Fails, without setting anything, if a reference is unknown or cannot be set in this mode.
     pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         let (function, rule) = (Function::SetBoolean, |_: &Variable, _: &bool| Ok(()));

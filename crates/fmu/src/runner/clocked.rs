@@ -3,13 +3,13 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, settable};
 use crate::clocks::{self, Clocked, InputClock, MOST_AT_ONCE, Schedule, TickOf, Timing, too_often};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Info, Sample};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::timeline::{Timeline, slack};
-use crate::variable::{Declarations, Layout};
+use crate::variable::{Declarations, Layout, declare_clock};
 use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Discrete`](crate::Discrete) model with clocks.
@@ -156,6 +156,7 @@ impl<M: Clocked> ClockedModel<M> {
 impl<M: Clocked> Model for ClockedModel<M> {
     const MODEL_EXCHANGE: bool = false;
     const INFO: Info = M::INFO;
+    const SETTABLE: Counts = settable::<M, M::Inputs, M::Outputs>();
     const KIND: Kind = Kind::Discrete;
     const HAS_EVENTS: bool = true;
     const CLOCKS: &'static [InputClock] = M::CLOCKS;
@@ -169,7 +170,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
             sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
-            clocks: M::CLOCKS,
+            clocks: M::CLOCKS.iter().map(declare_clock).collect(),
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);

@@ -13,7 +13,7 @@ use exchange::{Exchange, Part, Sides};
 use integration::{MOST_EVENTS, has_error_control, has_events, next_time_event, too_many_at};
 
 use super::{
-    Context, Kind, Model, Modes, Progress, Run, Step, Update, are_finite, check_discrete, check_reals, layout,
+    Context, Kind, Model, Modes, Progress, Run, Step, Update, are_finite, check_discrete, check_reals, layout, settable,
 };
 use crate::clocks::{self, InputClock, Schedule};
 use crate::definition::{MAX_STEP, TOLERANCE};
@@ -27,7 +27,7 @@ use crate::scalar::{Dependencies, Scalar};
 use crate::solver::{InPlace, OnHeap, Problem, Scratch, is_in_place};
 use crate::store::{Counts, ValueStore, Values, ValuesMut};
 use crate::timeline::{Timeline, slack};
-use crate::variable::{Declarations, Kind as Type, Layout, Role};
+use crate::variable::{Declarations, Kind as Type, Layout, Role, declare_clock};
 use crate::variables::{Derived as _, Variables as _};
 
 /// Runs a [`Continuous`] model, with or without model exchange.
@@ -167,6 +167,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> Model
         LINEAR && !matches!(M::SOLVER, Solver::Exact) && <M::Inputs<f64> as crate::Variables<f64>>::COUNTS.reals > 0;
     const HAS_ERROR_CONTROL: bool = has_error_control(M::SOLVER);
     const INFO: Info = M::INFO;
+    const SETTABLE: Counts = settable::<M, M::Inputs<f64>, M::Outputs<f64>>();
     const KIND: Kind = Kind::Continuous;
     const EQUATIONS_READ: Option<&'static [&'static str]> = M::EQUATIONS_READ;
     type Parameters = M;
@@ -181,7 +182,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool, const LINEAR: bool> Model
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),
             crossings: size_of::<M::Crossings>() / size_of::<f64>(),
-            clocks: M::CLOCKS,
+            clocks: M::CLOCKS.iter().map(declare_clock).collect(),
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);

@@ -3,11 +3,11 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, layout};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, layout, settable};
 use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{Discrete, Influence, Info, Sample};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::timeline::{Timeline, samples_due, slack};
 use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
@@ -38,6 +38,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
 impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const INFO: Info = M::INFO;
+    const SETTABLE: Counts = settable::<M, M::Inputs, M::Outputs>();
     const KIND: Kind = Kind::Discrete;
     const SOURCE: Option<Influence> = M::SOURCE;
     const FOLLOWS: Influence = M::FOLLOWS;

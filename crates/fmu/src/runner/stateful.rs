@@ -3,10 +3,10 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, Model, Run, Step, Update, check_reals};
+use super::{Context, Kind, Model, Run, Step, Update, check_reals, settable};
 use crate::discrete_state::{Word, Words};
 use crate::model::{Info, Stateful};
-use crate::store::ValueStore;
+use crate::store::{Counts, ValueStore};
 use crate::timeline::Timeline;
 use crate::variable::{Declarations, Layout};
 use crate::variables::Variables as _;
@@ -16,6 +16,7 @@ pub struct StatefulModel<M>(PhantomData<M>);
 
 impl<M: Stateful> Model for StatefulModel<M> {
     const INFO: Info = M::INFO;
+    const SETTABLE: Counts = settable::<M, M::Inputs, M::Outputs>();
     const KIND: Kind = Kind::Stateful;
     const MODEL_EXCHANGE: bool = false;
     const IS_SERIALIZABLE: bool = M::SERIALIZE.is_some();

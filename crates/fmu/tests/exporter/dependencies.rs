@@ -76,8 +76,8 @@ impl Continuous for Tanks {
 
 /// The dependencies of [`Tanks`] for the library, with a line for each value reference: 4 parameters (`p`), inflow 4 and 5,
 /// outputs 6 to 8, states 9 to 12, derivatives 13 to 16, position 17, selector 18, time 19.
-const TEXT: &str = ";\n;\n;\n;\n;\n;\n9-10;p 9-10\n10-11;p 10-11\n5 9 18-19;p 5 9 18-19\n9;\n10;\n11;\n;p\n4 9;p 4 9\n\
-                    9-10;p 9-10\n5 10-11;p 5 10-11\n11;p 11\n18;p 18\n;\n;";
+const TEXT: &str = ";\n;\n;\n;\n;\n;\n9-10\n10-11\n5 9 18-19\n9;\n10;\n11;\n;p\n4 9\n\
+                    9-10\n5 10-11\n11\n18\n;\n;";
 
 macro_rules! exported {
     ($($name:ident: $model:ty, $arrays:literal $($guid:literal)?;)*) => {$(
