@@ -300,6 +300,60 @@ impl Discrete for Gain {
 }
 "#;
 
+/// A continuous-time model with a sampled controller.
+const DRIVE: &str = r#"
+#[derive(Parameters)]
+pub struct Drive;
+
+#[derive(State)]
+pub struct X<T> {
+    /// Position (m)
+    x: T,
+}
+
+#[derive(Inputs)]
+pub struct U<T> {
+    /// Reference (m)
+    #[var(clock = "control")]
+    target: T,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+pub struct Held {
+    speed: f64,
+}
+
+#[derive(Outputs)]
+pub struct Y<T> {
+    /// Speed (m/s)
+    #[var(clock = "control")]
+    speed: T,
+}
+
+/// Drive
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Drive {
+    type State<T: Scalar> = X<T>;
+    type Inputs<T: Scalar> = U<T>;
+    type Outputs<T: Scalar> = Y<T>;
+    type DiscreteState = Held;
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { x: at.discrete.speed.into() }
+    }
+
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        Y { speed: at.discrete.speed.into() }
+    }
+
+    /// Ticks at 0, 0.1, 0.2, … s
+    #[clock(interval = 1 / 10)]
+    fn control(&self, tick: Tick<Self>) {
+        tick.state.speed = tick.inputs.target - tick.continuous.x;
+    }
+}
+"#;
+
 /// The packed FMUs, which all tests share.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
@@ -313,6 +367,7 @@ fn folder() -> &'static Path {
             ("meeting", MEETING),
             ("sampler", SAMPLER),
             ("gain", GAIN),
+            ("drive", DRIVE),
         ];
         for (name, source) in models {
             let package = folder.join(name);
@@ -558,12 +613,42 @@ fn a_chain_without_end_names_its_clocks() {
     assert!(session.step().expect_err("it has no end").to_string().contains(expected));
 }
 
-/// The reference is the run without restoring.
+/// The clocks of an FMU tick in both interfaces. Reference: the closed form of the sampled controller,
+/// `x_(k+1) = x_k + h (target - x_k)`; between two ticks, the speed is constant, so that all solvers are exact. The
+/// tolerance is that of rounding.
+#[test]
+fn clocks_tick_in_co_simulation_and_model_exchange() {
+    let used = [
+        "interface = \"co-simulation\"",
+        "interface = \"model-exchange\"",
+        "interface = \"model-exchange\"; solver = \"rosenbrock\"",
+        "interface = \"model-exchange\"; solver = \"runge_kutta\"; max_step = 0.03",
+    ];
+    for (used, step) in used.into_iter().flat_map(|used| STEPS.map(|step| (used, step))) {
+        let components = [&*format!("drive = Drive inputs = {{ target = 2.0 }}; {used}")];
+        let of = run(&scenario(&components, &[], [step, 2.0], "sequential"));
+        for (row, (x, speed)) in of("drive:x").into_iter().zip(of("drive:speed")).enumerate().skip(1) {
+            let (time, count) = (row as f64 * step, ticks(0.1, row as f64 * step) as i32);
+            let last = 2.0 * 0.9_f64.powi(count - 1);
+            let expected = 2.0 - last + (time - 0.1 * f64::from(count - 1)) * last;
+            assert!((speed - last).abs() < 1e-12, "{used}, {step} s, row {row}: {speed} {last}");
+            assert!((x - expected).abs() < 1e-12, "{used}, {step} s, row {row}: {x} {expected}");
+        }
+    }
+}
+
 #[test]
 fn a_restored_system_repeats_its_ticks() {
     let components = ["relay = Relay", "delay = Delay parameters = { delay = 0.03 }", "source = Source"];
     let connections = ["delay:delayed -> relay:trigger", "source:value -> delay:offset", "delay:held -> relay:input"];
-    let plan = plan(&scenario(&components, &connections, [0.04, 1.0], "sequential"));
+    assert_repeats(&components, &connections);
+    let drive = "drive = Drive inputs = { target = 2.0 }; interface = \"model-exchange\"";
+    assert_repeats(&[drive], &[]);
+}
+
+/// The reference is the run without restoring.
+fn assert_repeats(components: &[&str], connections: &[&str]) {
+    let plan = plan(&scenario(components, connections, [0.04, 1.0], "sequential"));
     let fmus = Fmus::load(&plan.runs).expect("FMUs");
     let mut session = Session::new(&plan.simulation, &plan.runs[0], &fmus).expect("a session");
     (0..6).for_each(|_| session.step().expect("a step"));

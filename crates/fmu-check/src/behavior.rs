@@ -6,6 +6,7 @@ mod adjoint;
 mod capabilities;
 mod clocks;
 mod dependencies;
+mod events;
 pub(super) mod exchange;
 mod experiment;
 mod reset;
@@ -242,7 +243,7 @@ impl Trial<'_> {
 
     fn run_all(&self, checked: &mut Checked, report: Report<'_>) {
         use Topic::{Simulation, Standard};
-        let stages: [(&str, Topic, Stage<'_>); 20] = [
+        let stages: [(&str, Topic, Stage<'_>); 21] = [
             ("start values", Standard, Self::start_values),
             ("runs", Simulation, Self::runs),
             ("another start time", Simulation, Self::another_start),
@@ -260,6 +261,7 @@ impl Trial<'_> {
             ("types of FMI 3.0", Standard, Self::types),
             (STRUCTURE, Standard, Self::structure),
             (clocks::CLOCKS, Standard, Self::clocks),
+            (events::EVENTS, Standard, Self::events),
             ("intermediate updates", Standard, Self::updates),
             ("the end of a run", Standard, Self::end),
             (stack::STACK, Simulation, Self::stack),

@@ -390,3 +390,40 @@ fn defects_of_intermediate_updates_are_found() {
         assert!(lines.iter().all(|line| line.starts_with(&expected)), "{defects:?}: {lines:?}");
     }
 }
+
+/// FMI 3.0.2, sections 2.3.5 and 4.2.1: an event ends, the next one is in the future, and the same calls have the same
+/// results, also after a state was restored.
+#[test]
+fn defects_of_events_in_co_simulation_are_found() {
+    let edits =
+        [("<CoSimulation modelIdentifier=\"Decay\"", "<CoSimulation modelIdentifier=\"Decay\" hasEventMode=\"true\"")];
+    for (handled, announces, expected) in [
+        ("", "0", None),
+        (
+            "static int n; i->m.x += 0.125 * n++",
+            "0",
+            Some("error: event mode: gives other results in another instance; first `x`: "),
+        ),
+        (
+            "i->m.x += 0.125 * i->handled++",
+            "0",
+            Some("error: event mode: gives other results if states are restored in Event Mode; first `x`: "),
+        ),
+        (
+            "*needed = true",
+            "0",
+            Some("error: event mode: fmi3UpdateDiscreteStates: more than 100 event iterations at one time"),
+        ),
+        ("", "1", Some("error: fmi3UpdateDiscreteStates: announces at 0 s a next event that is not after this time")),
+    ] {
+        let defects = ["EVENTS".to_owned(), format!("HANDLED={handled}"), format!("ANNOUNCES={announces}")];
+        let defects = defects.each_ref().map(String::as_str);
+        let (looked_at, lines) = checked(&Decay { defects: &defects, edits: &edits, ..Decay::new(FmiVersion::V3) });
+        assert!(looked_at.trials.iter().any(|trial| trial == "event mode") || expected.is_some(), "{looked_at}");
+        // Model exchange has the same defects.
+        let of_trial = lines.iter().filter(|line| ["event mode", "announces"].iter().any(|text| line.contains(text)));
+        let of_trial: Vec<_> = of_trial.collect();
+        assert_eq!(of_trial.len(), usize::from(expected.is_some()), "{handled}: {lines:?}");
+        assert!(of_trial.iter().all(|line| line.starts_with(expected.unwrap_or_default())), "{handled}: {lines:?}");
+    }
+}

@@ -130,9 +130,8 @@ impl Signature {
             }
             marks[word] |= 1 << bit;
         }
-        let (has_ticks, is_scheduled) =
-            (interface != Interface::ModelExchange, interface == Interface::ScheduledExecution);
-        let inputs = description.clocks.iter().filter(|clock| clock.causality == Causality::Input && has_ticks);
+        let is_scheduled = interface == Interface::ScheduledExecution;
+        let inputs = description.clocks.iter().filter(|clock| clock.causality == Causality::Input);
         let mut inputs: Vec<&Clock> = inputs.collect();
         if is_scheduled {
             inputs.sort_by_key(|clock| clock.priority);
@@ -150,8 +149,7 @@ impl Signature {
                 });
             }
         }
-        let is_output = |clock: &&Clock| clock.causality == Causality::Output && has_ticks;
-        let output_clocks = description.clocks.iter().filter(is_output);
+        let output_clocks = description.clocks.iter().filter(|clock| clock.causality == Causality::Output);
         let mut output_clocks: Vec<_> = output_clocks.map(|clock| (clock.reference, clock.clocks.clone())).collect();
         output_clocks.dedup();
         let is_set = |variable: &Variable| match variable.causality {
@@ -162,7 +160,7 @@ impl Signature {
         let is_clocked = |variable: &&Variable| {
             variable.alias_of.is_none() && (!variable.clocks.is_empty() || (is_scheduled && is_set(variable)))
         };
-        let clocked = description.variables.iter().filter(|_| has_ticks).filter(is_clocked);
+        let clocked = description.variables.iter().filter(is_clocked);
         let all: Vec<Reference> = clocks.iter().map(|clock| clock.reference).collect();
         let clocked = clocked.map(|variable| Clocked {
             reference: variable.reference,
@@ -177,10 +175,10 @@ impl Signature {
             .collect();
         Self {
             structure,
-            exchange: Exchange::new(description).filter(|_| !has_ticks).unwrap_or_default(),
+            exchange: Exchange::new(description).filter(|_| interface == Interface::ModelExchange).unwrap_or_default(),
             clocks,
             output_clocks,
-            has_clocks: is_scheduled || (has_ticks && !description.clocks.is_empty()),
+            has_clocks: is_scheduled || !description.clocks.is_empty(),
             clocked: clocked.collect(),
             fmi: description.fmi,
             interface,

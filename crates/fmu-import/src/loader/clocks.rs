@@ -11,9 +11,10 @@
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
 use super::instance::Instance;
+use super::model_exchange::EventUpdate;
 use crate::c_api::Reference;
 use crate::c_api::v3::RawBoolean;
-use crate::description::{IntervalVariability as Kind, Value};
+use crate::description::{Interface, IntervalVariability as Kind, Value};
 use crate::signature::{Clocked, InputClock, Signature};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,8 +145,8 @@ impl Ticks {
 }
 
 impl Clocks {
-    /// The clocks of an FMU; `None` if it has none.
-    pub(super) fn of(signature: &Signature) -> Option<Box<Self>> {
+    /// The clocks of an FMU; `None` if it has none or is used for model exchange, unless its events are used.
+    pub(super) fn of(signature: &Signature, uses_events: bool) -> Option<Box<Self>> {
         let ticks = |clock: &InputClock| Ticks {
             clock: clock.clone(),
             base: 0.0,
@@ -153,7 +154,8 @@ impl Clocks {
             interval: clock.interval.unwrap_or(0.0),
             next: None,
         };
-        signature.has_clocks.then(|| {
+        let has_ticks = signature.has_clocks && signature.interface != Interface::ModelExchange;
+        (has_ticks || uses_events).then(|| {
             let inputs = signature.clocks.iter().map(ticks).collect();
             let held = |clock: &(Reference, _)| (clock.0, vec![Held::Other(Value::Boolean(false))]);
             Box::new(Self {
@@ -400,24 +402,12 @@ impl Instance {
     pub(super) fn enter_first_step_mode(&mut self) -> Result<(), CallError> {
         let start = self.experiment().0;
         let Some(clocks) = &mut self.clocks else { return Ok(()) };
-        (clocks.is_held, clocks.is_in_event) = (true, true);
-        if clocks.is_shared || self.is_scheduled() { Ok(()) } else { self.handle_event(start, 1.0, false) }
-    }
-
-    /// `fmi3UpdateDiscreteStates`. Returns true if another iteration is needed, and the time of the next time event in
-    /// s.
-    fn update_event(&mut self) -> Result<(bool, Option<f64>), CallError> {
-        let mut flags: [RawBoolean; 5] = [0; 5];
-        let [again, terminate, nominals, states, next_defined] = &mut flags;
-        let mut next = 0.0;
-        // SAFETY: live instance; the outcome is written through valid pointers.
-        self.call_v3(Function::NewDiscreteStates, |f, c| unsafe {
-            Some(f.update_event?(c, again, terminate, nominals, states, next_defined, &raw mut next))
-        })?;
-        match flags {
-            [again, 0, _, _, is_defined] => Ok((again != 0, Some(next).filter(|_| is_defined != 0))),
-            _ => Err(self.failure(Function::NewDiscreteStates, CallProblem::Terminated)),
+        clocks.is_held = true;
+        if self.integration.is_some() {
+            return Ok(());
         }
+        clocks.is_in_event = true;
+        if clocks.is_shared || self.is_scheduled() { Ok(()) } else { self.handle_event(start, 1.0, false) }
     }
 
     /// `fmi3DoStep` from tick to tick.
@@ -491,7 +481,7 @@ impl Instance {
 
     /// Returns true if the FMU has clocks in co-simulation.
     pub fn has_clocks(&self) -> bool {
-        self.clocks.is_some() && !self.is_scheduled()
+        self.clocks.is_some() && self.signature().interface == Interface::CoSimulation
     }
 
     /// Intervals for which the loader has asked in the last iteration of an event, or in the last activation.
@@ -545,7 +535,7 @@ impl Instance {
         next.filter(|next| *next > now && *next < end - slack(end, step))
     }
 
-    fn is_due(&self, time: f64, step: f64) -> bool {
+    pub(super) fn is_due(&self, time: f64, step: f64) -> bool {
         self.clocks.as_ref().is_some_and(|clocks| clocks.is_due(time, step))
     }
 
@@ -633,14 +623,28 @@ impl Instance {
     /// `fmi3UpdateDiscreteStates`, which deactivates all clocks; then asks for intervals, which count from `time` in s.
     /// Returns true if the FMU needs another iteration.
     pub fn update(&mut self, time: f64) -> Result<bool, CallError> {
-        self.with_clocks(|this, clocks| {
-            let (is_needed_again, next_event) = this.update_event()?;
-            clocks.next_event = next_event;
-            std::mem::take(&mut clocks.fired).into_iter().for_each(|clock| clocks.mark(clock, true));
-            this.advance_clocks(clocks, time, None)?;
-            clocks.active.clear();
-            Ok(is_needed_again)
-        })
+        let update = self.update_clocks(time)?;
+        if update.terminates {
+            return Err(self.failure(Function::NewDiscreteStates, CallProblem::Terminated));
+        }
+        if let Some(clocks) = &mut self.clocks {
+            clocks.next_event = update.next_event;
+        }
+        Ok(update.is_needed_again)
+    }
+
+    /// Like [`Self::update`], but leaves time events and the end of the simulation to the caller.
+    pub(super) fn update_clocks(&mut self, time: f64) -> Result<EventUpdate, CallError> {
+        let update = self.new_discrete_states()?;
+        if !update.terminates {
+            self.with_clocks(|this, clocks| {
+                std::mem::take(&mut clocks.fired).into_iter().for_each(|clock| clocks.mark(clock, true));
+                this.advance_clocks(clocks, time, None)?;
+                clocks.active.clear();
+                Ok(())
+            })?;
+        }
+        Ok(update)
     }
 
     /// Moves the active clocks on, and asks for intervals. `countdowns` are those of countdown clocks, if the FMU was

@@ -86,23 +86,38 @@ pub struct Instance {
 // exclusive access. FMI requires that calls to an instance are sequential, not that they come from one thread.
 unsafe impl Send for Instance {}
 
+/// What an instance uses in co-simulation of FMI 3.0.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Uses<'a> {
+    /// Event Mode, also without clocks.
+    pub(super) events: bool,
+    /// Early return.
+    pub(super) early: bool,
+    /// Intermediate updates, in which these variables are read.
+    pub(super) updates: Option<&'a [Reference]>,
+}
+
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation`, `fmi3InstantiateModelExchange` or
     /// `fmi3InstantiateScheduledExecution`, for the library's interface. Sets `visible` to false, and uses neither
     /// early return nor, in co-simulation without clocks, Event Mode. `logging` requests messages other than errors.
     /// Fails if the FMU returns no instance, or if a name contains a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
-        Self::instantiate_with(library, name, guid, logging, None)
+        Self::instantiate_with(library, name, guid, logging, Uses::default())
     }
 
-    /// Like [`Self::instantiate`]. With `required`, an FMU of FMI 3.0 makes intermediate updates in co-simulation; the
-    /// second value allows early return.
+    /// Like [`Self::instantiate`], but an FMU of FMI 3.0 uses Event Mode and early return in co-simulation, also without
+    /// clocks. The caller handles the events ([`Self::share_events`]).
+    pub fn instantiate_with_events(library: &Arc<Library>, name: &str, guid: &str) -> Result<Self, CallError> {
+        Self::instantiate_with(library, name, guid, false, Uses { events: true, early: true, updates: None })
+    }
+
     pub(super) fn instantiate_with(
         library: &Arc<Library>,
         name: &str,
         guid: &str,
         logging: bool,
-        required: Option<(&[Reference], bool)>,
+        uses: Uses<'_>,
     ) -> Result<Self, CallError> {
         let Signature { fmi, interface, .. } = library.signature;
         let function = match interface {
@@ -167,13 +182,13 @@ impl Instance {
                         false,
                         logging,
                         // FMI 3.0.2, section 2.3.1: required if the FMU has clocks.
-                        Clocks::of(&library.signature).is_some(),
-                        required.is_some_and(|(_, early)| early),
-                        required.map_or(ptr::null(), |(variables, _)| variables.as_ptr()),
-                        required.map_or(0, |(variables, _)| variables.len()),
+                        Clocks::of(&library.signature, uses.events).is_some(),
+                        uses.early,
+                        uses.updates.map_or(ptr::null(), |variables| variables.as_ptr()),
+                        uses.updates.map_or(0, |variables| variables.len()),
                         callbacks.environment,
                         log_text,
-                        required.map(|_| updates::intermediate_update as _),
+                        uses.updates.map(|_| updates::intermediate_update as _),
                     ),
                     (None, Some(instantiate)) => instantiate(
                         c_name.as_ptr(),
@@ -215,7 +230,7 @@ impl Instance {
             has_entered: false,
             whole: Whole::default(),
             buffers: Buffers::default(),
-            clocks: Clocks::of(&library.signature),
+            clocks: Clocks::of(&library.signature, uses.events),
             integration: None,
             saved: Vec::new(),
             log,
@@ -434,7 +449,7 @@ impl Instance {
     pub fn reset(&mut self) -> Result<(), CallError> {
         self.has_entered = false;
         self.whole = Whole::default();
-        self.clocks = Clocks::of(self.signature());
+        self.clocks = Clocks::of(self.signature(), self.clocks.is_some());
         if let Some(own) = &self.integration {
             self.integrate(own.solver);
         }

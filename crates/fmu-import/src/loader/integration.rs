@@ -5,7 +5,7 @@
 //! between two steps is set in Event Mode; an input with a slope is set in each evaluation of the derivatives.
 
 use super::calls::Function;
-use super::clocks::MOST_ITERATIONS;
+use super::clocks::{Clocks, MOST_ITERATIONS};
 use super::error::{CallError, CallProblem};
 use super::instance::{Instance, StepEnd};
 use super::model_exchange::CompletedStep;
@@ -298,7 +298,13 @@ impl Integration {
     }
 
     /// Handles an event at the present point and enters Continuous-Time Mode.
-    fn event(&mut self, fmu: &mut Instance, indicator: Option<usize>) -> Result<(), CallError> {
+    /// The clocks that are due tick.
+    fn event(
+        &mut self,
+        fmu: &mut Instance,
+        indicator: Option<usize>,
+        mut due: Vec<Reference>,
+    ) -> Result<(), CallError> {
         let Self { point, nominals, events, .. } = self;
         *events += 1;
         if *events > MOST_EVENTS {
@@ -318,7 +324,9 @@ impl Integration {
             fmu.enter_event_mode()?;
         }
         for _ in 0..MOST_ITERATIONS {
-            let update = fmu.new_discrete_states()?;
+            fmu.activate(&std::mem::take(&mut due))?;
+            fmu.evaluate()?;
+            let update = fmu.update_clocks(point.time)?;
             if update.terminates {
                 return Err(ended(fmu, Function::NewDiscreteStates, point.time));
             }
@@ -344,25 +352,29 @@ impl Integration {
         let last = end + rounding(end);
         let last = fmu.experiment().1.map_or(last, |stop| last.min(stop).max(end));
         (self.point.since, self.steps, self.events) = (time, 0, 0);
-        if self.point.can_set {
-            self.event(fmu, None)?;
+        if self.point.can_set || fmu.is_event_needed(time, step) {
+            self.event(fmu, None, fmu.due_clocks(time, step))?;
         } else if !self.point.inputs.is_empty() {
             // The new values of inputs with slopes may be those after a jump.
             self.found.copy_from_slice(&self.point.x);
             if let crossed @ Some(_) = self.evaluate(fmu, self.point.time)? {
-                self.event(fmu, crossed)?;
+                self.event(fmu, crossed, Vec::new())?;
             }
         }
         loop {
+            let now = self.point.time;
             let due = self.point.next_event.filter(|next| *next <= last);
-            if due.is_some_and(|due| due <= self.point.time) {
-                self.event(fmu, None)?;
+            // As in co-simulation, a clock that is due at the end of the step ticks in the next one.
+            let has_ticks = now < end && fmu.is_due(now, step);
+            if has_ticks || due.is_some_and(|due| due <= now) {
+                let clocks = if has_ticks { fmu.due_clocks(now, step) } else { Vec::new() };
+                self.event(fmu, None, clocks)?;
                 continue;
             }
-            if self.point.time >= end {
+            if now >= end {
                 return Ok(());
             }
-            let target = due.unwrap_or(end);
+            let target = due.into_iter().chain(fmu.next_tick(now, end, step)).fold(end, f64::min);
             let mut limit = target - self.point.time;
             let (time, crossed) = loop {
                 let located =
@@ -385,7 +397,7 @@ impl Integration {
             }
             self.point.indicators.copy_from_slice(&self.indicators);
             if crossed.is_some() || completed.enters_event_mode {
-                self.event(fmu, crossed)?;
+                self.event(fmu, crossed, Vec::new())?;
             }
         }
     }
@@ -412,6 +424,7 @@ impl Instance {
         let (states, indicators) = (self.number_of_states(), self.number_of_event_indicators());
         let exchange = &self.signature().exchange;
         self.integration = Some(Box::new(Integration::new(solver, exchange, states, indicators)));
+        self.clocks = Clocks::of(self.signature(), self.signature().has_clocks);
     }
 
     /// Accesses the integrator. In the meantime, variables are set at once.
@@ -430,13 +443,14 @@ impl Instance {
         let start = self.experiment().0;
         self.with_integration(|own, this| {
             own.point.time = start;
-            own.event(this, None)
+            own.event(this, None, Vec::new())
         })
     }
 
     /// Makes a communication step.
     pub(super) fn step_integration(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         self.step_end = StepEnd::default();
+        self.clear_ticks();
         self.with_integration(|own, this| own.step(this, time, step))
     }
 

@@ -3,7 +3,7 @@
 use super::calls::Function;
 use super::error::{CallError, CallProblem, Status};
 use super::functions::{Functions, v3};
-use super::instance::Instance;
+use super::instance::{Instance, Uses};
 use super::library::Library;
 use crate::c_api::v3::RawBoolean;
 use crate::c_api::{Component, RawStatus, Reference};
@@ -83,7 +83,7 @@ impl Instance {
         required: &[Reference],
         early: bool,
     ) -> Result<Self, CallError> {
-        Self::instantiate_with(library, name, guid, false, Some((required, early)))
+        Self::instantiate_with(library, name, guid, false, Uses { events: false, early, updates: Some(required) })
     }
 
     /// Like [`Self::step`], for an instance with intermediate updates. Appends the updates. With `returns_early`, the

@@ -32,7 +32,8 @@ typedef struct {
     int exchange, started;
     void *environment;
     Updated updated;
-    bool early;
+    bool early, events;
+    int handled;
 } Instance;
 
 static void start(Instance *i) {
@@ -308,6 +309,11 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
     if (i) i->environment = environment, i->updated = (Updated)intermediate, i->early = early;
     return i;
 #endif
+#ifdef EVENTS
+    Instance *i = n ? NULL : instantiate(token, resources, environment, log);
+    if (i) i->events = events;
+    return i;
+#endif
     if (events || early || n) return NULL;
     return instantiate(token, resources, environment, log);
 }
@@ -439,6 +445,15 @@ EXPORT int fmi3DoStep(void *c, double t, double h, bool final, bool *event_neede
 #ifdef CRASH
     abort();
 #endif
+#ifdef EVENTS /* a step ends at an event that the importer handles */
+    Instance *with_events = c;
+    double part = log(with_events->m.x / 0.5) / with_events->m.k;
+    if (with_events->events && part <= h) {
+        with_events->m.x = 0.5;
+        *event_needed = true, *early = part < h, *reached = with_events->m.time = t + part;
+        return 0;
+    }
+#endif
 #ifdef UPDATES /* the solver makes two steps; the times of the updates in parts of h are UPDATES and LAST */
     Instance *i = c;
     double times[] = {t + UPDATES * h, t + LAST * h}, at = 0;
@@ -465,6 +480,11 @@ EXPORT int fmi3UpdateDiscreteStates(void *c, bool *needed, bool *terminate, bool
     int out[5];
     update(c, out);
     *needed = out[0], *terminate = out[1], *nominals = out[2], *states = out[3], *defined = out[4], *time = 0;
+#ifdef EVENTS /* the effect of an event, and whether the next one is announced for the present */
+    Instance *i = c;
+    HANDLED;
+    *defined = ANNOUNCES, *time = i->m.time;
+#endif
     return 0;
 }
 EXPORT int fmi3CompletedIntegratorStep(void *c, bool final, bool *enter, bool *terminate) {
@@ -485,7 +505,12 @@ EXPORT int fmi3GetNumberOfEventIndicators(void *c, size_t *n) { (void)c; *n = 1;
 #define NONE(Name) EXPORT int fmi3##Name(void) { return 3; }
 NONE(GetBinary) NONE(SetBinary) NONE(GetClock) NONE(SetClock) NONE(GetIntervalDecimal)
 NONE(GetIntervalFraction) NONE(GetShiftDecimal) NONE(GetShiftFraction) NONE(SetIntervalDecimal) NONE(SetIntervalFraction)
-NONE(SetShiftDecimal) NONE(SetShiftFraction) NONE(EvaluateDiscreteStates) NONE(EnterStepMode) NONE(GetOutputDerivatives)
+NONE(SetShiftDecimal) NONE(SetShiftFraction) NONE(EvaluateDiscreteStates) NONE(GetOutputDerivatives)
+#ifdef EVENTS
+EXPORT int fmi3EnterStepMode(void *c) { (void)c; return 0; }
+#else
+NONE(EnterStepMode)
+#endif
 #ifdef RESIZED
 EXPORT int fmi3EnterConfigurationMode(void *c) {
 #ifdef ONLY_BEFORE_START

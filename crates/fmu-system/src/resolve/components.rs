@@ -139,10 +139,6 @@ impl<'a> Resolver<'a> {
                 "leave out `kind`",
             );
         }
-        if let Some(clock) = description.clocks.first() {
-            let reason = "has clocks, which masters do not activate in model exchange, such as";
-            return fail(component.fmu.span(), format!("{} {reason} `{}`", found.path, clock.name), "");
-        }
         let method = solver.as_ref().map_or(Method::DormandPrince, |solver| **solver);
         let has_fixed_step = method == Method::RungeKutta;
         let ((name, key), other, range) =
