@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bench;
+mod compare;
 mod converge;
 mod export;
 mod fits;
@@ -75,6 +76,12 @@ enum Cli {
     /// Test bench: drive standard maneuvers, or evaluate recorded ones
     #[command(subcommand)]
     Bench(bench::Command),
+    /// Compare a simulated signal with a measured one: errors, correlation, time shift, tolerance and tube
+    ///
+    /// Prints JSON with sorted keys; a metric that does not exist, such as the correlation with a constant, is null.
+    /// The simulation is linear between its rows. Only samples of the measurement within the time of the simulation
+    /// count, all with the same weight; nothing is resampled or aligned.
+    Compare(compare::Arguments),
     /// Show which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states. An FMU that writes inputs of an FMU with more states is an actuator
@@ -162,6 +169,7 @@ fn run(command: &Cli) -> Result<()> {
         Cli::Run(arguments) => run::run(arguments),
         Cli::Export(arguments) => export::run(arguments),
         Cli::Import(arguments) => import::run(arguments),
+        Cli::Compare(arguments) => Ok(compare::run(arguments)?),
         Cli::Study(arguments) => study::run(arguments),
         Cli::Bench(bench::Command::Run(arguments)) => bench::run::run(arguments),
         Cli::Bench(bench::Command::Evaluate(arguments)) => bench::evaluate::run(arguments),

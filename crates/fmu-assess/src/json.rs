@@ -24,7 +24,7 @@ fn insert(group: &mut Map<String, Value>, name: &str, value: Value) {
 }
 
 /// Rounds all numbers to nine significant digits.
-pub(crate) fn all_rounded(value: &Value) -> Value {
+pub fn all_rounded(value: &Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => json!(number.as_f64().and_then(rounded)),
         Value::Array(values) => values.iter().map(all_rounded).collect(),

@@ -14,7 +14,7 @@ mod components;
 pub mod evaluators;
 #[cfg(not(target_family = "wasm"))]
 mod executor;
-mod json;
+pub mod json;
 mod maneuvers;
 mod metric;
 mod numerics;

@@ -37,6 +37,7 @@
 pub mod algebraic;
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
+pub mod comparison;
 pub mod compat;
 pub mod converge;
 pub mod data;
