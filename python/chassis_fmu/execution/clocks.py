@@ -278,14 +278,6 @@ class Clocks:
         self.slave.fail(GET_INTERVAL, time, f"the FMU returned an interval that is not {rule}")
 
 
-def endless(clocks: Iterator[str] | Sequence[str]) -> str:
-    """Describe an event that does not end; these clocks tick in each iteration."""
-    return (
-        f"more than {MOST_ITERATIONS} event iterations at one time, in each of which these clocks tick: "
-        f"{', '.join(clocks) or 'no clock'}; start one of them with an interval above 0"
-    )
-
-
 class Group:
     """Components that end their steps together at each tick and handle the events together.
 

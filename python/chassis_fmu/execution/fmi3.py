@@ -8,6 +8,7 @@ transferred by a separate call.
 from __future__ import annotations
 
 import ctypes
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -84,6 +85,20 @@ def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
     return _function(library, name, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t)
 
 
+def _in_chunks(call: Callable[..., int], component: Any, references: Any, count: int, values: Any, _size: int) -> int:
+    """Get or set Booleans, which have one byte in FMI 3.0."""
+    for first in range(0, count, CHUNK):
+        part = range(first, min(first + CHUNK, count))
+        few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
+        flags = (ctypes.c_uint8 * len(part))(*(int(values[i] != 0) for i in part))
+        status = call(component, few, len(part), flags, len(part))
+        if not OK <= status < DISCARD:
+            return status
+        for i, flag in zip(part, flags, strict=True):
+            values[i] = flag
+    return OK
+
+
 def given(value: Value) -> Any:
     """Return a value of the plan as it is passed to the FMU."""
     if isinstance(value, Bytes):
@@ -128,9 +143,9 @@ class Functions:
         self.fmi2SetReal = self._transfer("Set", "Float64", ctypes.c_double)
         self.fmi2GetInteger = self._transfer("Get", "Int32", ctypes.c_int)
         self.fmi2SetInteger = self._transfer("Set", "Int32", ctypes.c_int)
-        self._get_boolean = _getter(library, "fmi3GetBoolean", ctypes.c_uint8)
-        self._set_boolean = _getter(library, "fmi3SetBoolean", ctypes.c_uint8)
-        self._set_string = _getter(library, "fmi3SetString", ctypes.c_char_p)
+        self.fmi2GetBoolean = self._transfer("Get", "Boolean", ctypes.c_uint8)
+        self.fmi2SetBoolean = self._transfer("Set", "Boolean", ctypes.c_uint8)
+        self.fmi2SetString = self._transfer("Set", "String", ctypes.c_char_p)
         flag, real, pointer = ctypes.c_bool, ctypes.c_double, ctypes.POINTER
         self._enter = _function(library, "fmi3EnterInitializationMode", flag, real, real, flag, real)
         flags = (pointer(flag),) * 3
@@ -182,6 +197,8 @@ class Functions:
     def _transfer(self, verb: str, plain: str, kind: Any) -> Callable[..., int]:
         """Return a function that gets or sets all variables that FMI 2.0 would treat as one type."""
         at_once = _getter(self.library, f"fmi3{verb}{plain}", kind)
+        if plain == "Boolean":
+            at_once = functools.partial(_in_chunks, at_once)
 
         def transfer(component: Any, references: Any, count: int, values: Any) -> int:
             if self._special and any(references[i] in self._special for i in range(count)):
@@ -276,31 +293,6 @@ class Functions:
         name = self._types[reference]
         return f"fmi3{verb}{SPECIAL.get(name, (name,))[0]}"
 
-    def fmi2GetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Read Booleans, which have one byte in FMI 3.0."""
-        if any(references[i] in self._special for i in range(count)):
-            return self._get(component, references, count, values, "Boolean")
-        return self._booleans(self._get_boolean, component, references, count, values)
-
-    def fmi2SetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Set Booleans."""
-        if any(references[i] in self._special for i in range(count)):
-            return self._set(component, references, count, [int(values[i] != 0) for i in range(count)])
-        return self._booleans(self._set_boolean, component, references, count, values)
-
-    @staticmethod
-    def _booleans(call: Callable[..., int], component: Any, references: Any, count: int, values: Any) -> int:
-        for first in range(0, count, CHUNK):
-            part = range(first, min(first + CHUNK, count))
-            few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
-            flags = (ctypes.c_uint8 * len(part))(*(int(values[i] != 0) for i in part))
-            status = call(component, few, len(part), flags, len(part))
-            if not OK <= status < DISCARD:
-                return status
-            for i, flag in zip(part, flags, strict=True):
-                values[i] = flag
-        return OK
-
     def _binary(self, verb: str) -> Callable[..., int]:
         sizes, values = ctypes.POINTER(ctypes.c_size_t), ctypes.POINTER(ctypes.c_void_p)
         name, count = f"fmi3{verb}Binary", ctypes.c_size_t
@@ -314,9 +306,3 @@ class Functions:
         kinds = (_REFERENCES, count, _REFERENCES, count, reals, count, reals, count)
         get = _function(self.library, "fmi3GetDirectionalDerivative", *kinds)
         return get(component, unknowns, results, knowns, seeds, seed, seeds, result, results)
-
-    def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Set Strings."""
-        if any(references[i] in self._special for i in range(count)):
-            return self._set(component, references, count, values)
-        return self._set_string(component, references, count, values, count)

@@ -46,8 +46,6 @@ LAST_SUCCESSFUL_TIME = 2
 TERMINATED = 3
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 
-HELP_LOOP = "break it with a delay, or give the input another start value"
-
 # Tolerance for sample times of a held input series, in steps: a sample at t_k applies even if t_k is rounded.
 SERIES_SLACK = 1e-9
 
@@ -117,6 +115,11 @@ def _note(name: str, status: int, category: bytes | None, text: str) -> None:
     )
 
 
+def _error(component: str, function: str, time: float | None, detail: str, **more: Any) -> RunError:
+    """Return the error of a component with the messages that it has logged."""
+    return RunError(component, function, time, detail, _log.get(component, ()), **more)
+
+
 def messages() -> list[tuple[str, str]]:
     """Return the messages of the latest run, as pairs of component and message."""
     return [(component, text) for component, texts in _log.items() for text in texts]
@@ -170,12 +173,8 @@ class FmpyInstance:
             raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
         description = read_model_description(str(folder), validate=False) if is_new else None
         if description and description.coSimulation is None:
-            raise RunError(
-                component.name,
-                "fmi3InstantiateCoSimulation",
-                None,
-                "only the native master runs an FMU without co-simulation: leave out --engine fmpy",
-            )
+            message = "only the native master runs an FMU without co-simulation: leave out --engine fmpy"
+            raise RunError(component.name, "fmi3InstantiateCoSimulation", None, message)
         try:
             if is_new:
                 logger = self._logger_of(component.name)
@@ -184,7 +183,7 @@ class FmpyInstance:
                 self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
         except Exception as error:
             function = "fmi3InstantiateCoSimulation" if is_new else "fmi2Instantiate"
-            raise RunError(component.name, function, None, str(error), _log.get(component.name, ())) from error
+            raise _error(component.name, function, None, str(error)) from error
         self.component = self._slave.component
         self.functions: Any = self._slave.dll
         if description:
@@ -277,15 +276,7 @@ class Slave:
             function = self._named(function)
             label = STATUS[status] if 0 <= status < len(STATUS) else "unknown"
             detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
-            raise RunError(
-                self.component.name,
-                function,
-                time,
-                detail,
-                _log.get(self.component.name, ()),
-                fatal=status == FATAL,
-                status=status,
-            )
+            raise _error(self.component.name, function, time, detail, fatal=status == FATAL, status=status)
 
     def _named(self, function: str) -> str:
         """Translate the name of an FMI 2.0 function to the FMI version of the component."""
@@ -426,13 +417,11 @@ class Slave:
 
     def fail(self, function: str, time: float, detail: str) -> NoReturn:
         """Raise RunError for a call."""
-        raise RunError(self.component.name, function, time, detail, _log.get(self.component.name, ()))
+        raise _error(self.component.name, function, time, detail)
 
     def ended(self, function: str, time: float) -> RunError:
         """Return the error of a call with which the FMU ended the simulation."""
-        log = _log.get(self.component.name, ())
-        text = "the FMU ended the simulation"
-        return RunError(self.component.name, self._named(function), time, text, log, is_end=True)
+        return _error(self.component.name, self._named(function), time, "the FMU ended the simulation", is_end=True)
 
     def _reached(self) -> float | None:
         """Return the last successful time if the FMU ends the simulation, otherwise None."""
@@ -611,7 +600,7 @@ def simulate(
         if not math.isfinite(total):
             bad = _non_finite(slaves, bus)
             if bad is not None:
-                raise RunError(bad[0], function, t, bad[1], _log.get(bad[0], ()))
+                raise _error(bad[0], function, t, bad[1])
 
     try:
         for index, component in enumerate(run.components):
@@ -641,7 +630,10 @@ def simulate(
                 solve(part.equations, of_part, bus, exact, start)
             except _native.NoSolutionError as error:
                 problem, detail = error.args
-                text = f"the algebraic loop at the start {problem}: {part.equations.path}; {detail}; {HELP_LOOP}"
+                text = (
+                    f"the algebraic loop at the start {problem}: {part.equations.path}; {detail}; "
+                    "break it with a delay, or give the input another start value"
+                )
                 raise RunError(of_part[0].component.name, "initialization", None, text) from None
         before = bus.copy()
         for slave in slaves:
@@ -656,7 +648,7 @@ def simulate(
         finite(start, "initialization")
         record(0, start)
 
-        sequential = simulation.order != "jacobi"
+        parts = [slaves] if simulation.order == "jacobi" else [[slave] for slave in slaves]
         coupling = rates.Coupling(run, simulation, slaves, players, bus) if rates.Coupling.is_needed(run) else None
         end: RunError | None = None
         for k in range(steps):
@@ -667,19 +659,13 @@ def simulate(
                 bus[player.feed.slot] = player.of_step(time)
             if coupling:
                 end = coupling.step(k, time, size)
-            elif sequential:
-                for slave in slaves:
+            for of_part in () if coupling else parts:
+                for slave in of_part:
                     slave.set(time)
+                for slave in of_part:
                     ended = slave.step(time, size)
                     end = end or ended
-                    slave.read(time)
-            else:
-                for slave in slaves:
-                    slave.set(time)
-                for slave in slaves:
-                    ended = slave.step(time, size)
-                    end = end or ended
-                for slave in slaves:
+                for slave in of_part:
                     slave.read(time)
             now = rates.time_of(simulation, k + 1)
             finite(now, "fmi2DoStep")
