@@ -4,17 +4,12 @@ const DECODER = new TextDecoder();
 const ENCODER = new TextEncoder();
 
 export class Memory {
-  #buffer: ArrayBuffer;
-  bytes: Uint8Array;
-  words: Uint32Array;
-  doubles: Float64Array;
+  #buffer: ArrayBuffer | null = null;
+  bytes = new Uint8Array();
+  words = new Uint32Array();
+  doubles = new Float64Array();
 
-  constructor(readonly memory: WebAssembly.Memory) {
-    this.#buffer = memory.buffer;
-    this.bytes = new Uint8Array(this.#buffer);
-    this.words = new Uint32Array(this.#buffer);
-    this.doubles = new Float64Array(this.#buffer);
-  }
+  constructor(readonly memory: WebAssembly.Memory) {}
 
   /** This memory with valid views. Use it after every call that can make the memory grow. */
   get now(): this {

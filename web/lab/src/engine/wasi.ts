@@ -2,6 +2,8 @@
 import type { Memory } from "./memory";
 
 const BAD_DESCRIPTOR = 8;
+/** Functions that return BAD_DESCRIPTOR. */
+const REFUSED = ["clock_time_get", "fd_close", "fd_fdstat_get", "fd_fdstat_set_flags", "fd_prestat_get", "fd_prestat_dir_name", "fd_read", "fd_seek", "path_open"];
 
 const FUNCTIONS = (memory: () => Memory | null): Record<string, (...parameters: number[]) => number> => {
   const zero = (...addresses: number[]): number => {
@@ -13,15 +15,7 @@ const FUNCTIONS = (memory: () => Memory | null): Record<string, (...parameters: 
     args_sizes_get: (count = 0, size = 0) => zero(count, size),
     environ_get: () => 0,
     environ_sizes_get: (count = 0, size = 0) => zero(count, size),
-    clock_time_get: () => BAD_DESCRIPTOR,
-    fd_close: () => BAD_DESCRIPTOR,
-    fd_fdstat_get: () => BAD_DESCRIPTOR,
-    fd_fdstat_set_flags: () => BAD_DESCRIPTOR,
-    fd_prestat_get: () => BAD_DESCRIPTOR,
-    fd_prestat_dir_name: () => BAD_DESCRIPTOR,
-    fd_read: () => BAD_DESCRIPTOR,
-    fd_seek: () => BAD_DESCRIPTOR,
-    path_open: () => BAD_DESCRIPTOR,
+    ...Object.fromEntries(REFUSED.map((name) => [name, () => BAD_DESCRIPTOR])),
     // Output is discarded; the function reports that everything was written.
     fd_write: (_descriptor = 0, vectors = 0, count = 0, written = 0) => {
       let size = 0;

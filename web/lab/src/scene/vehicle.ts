@@ -97,37 +97,36 @@ export class VehicleModel {
     const [color, roughness, metalness] =
       finish === "paint" ? [PAINT[this.shape.kind][0], 0.42, 0.05] : finish === "second" ? [PAINT[this.shape.kind][1], 0.5, 0.05] : FINISH[finish];
     // Wheels have separate materials, because the color shows the load.
-    const key = isBody ? finish : `${finish} ${this.#wheels.length}`;
-    let material = this.#materials.get(key) as MeshStandardMaterial | undefined;
-    if (material === undefined) {
-      material = new MeshStandardMaterial({ color, roughness, metalness });
-      this.#materials.set(key, material);
+    return this.#material(isBody ? finish : `${finish} ${this.#wheels.length}`, () => {
+      const material = new MeshStandardMaterial({ color, roughness, metalness });
       if (isBody) this.#solid.push(material);
-    }
+      return material;
+    });
+  }
+
+  /** The material with a key, made on first use. */
+  #material<T extends Material>(key: string, make: () => T): T {
+    const material = (this.#materials.get(key) as T | undefined) ?? make();
+    this.#materials.set(key, material);
     return material;
   }
 
   /** Adds a transparent part. Its depth is drawn first, which hides the surfaces behind its foremost surface. */
   #putTransparent(parent: Group, geometry: BufferGeometry, color: string, isBody: boolean): void {
-    const material = <T extends Material>(key: string, make: () => T): T => {
-      let found = this.#materials.get(key) as T | undefined;
-      if (found === undefined) this.#materials.set(key, (found = make()));
-      return found;
-    };
     // Where both vehicles coincide, the transparent one is behind.
     const offset = { polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2 };
-    const depth = new Mesh(geometry, material("depth", () => new MeshBasicMaterial({ colorWrite: false, ...offset })));
+    const depth = new Mesh(geometry, this.#material("depth", () => new MeshBasicMaterial({ colorWrite: false, ...offset })));
     depth.renderOrder = 2;
     const fill = new Mesh(
       geometry,
-      material("fill", () => new MeshStandardMaterial({ color, transparent: true, opacity: 0.3, depthWrite: false, roughness: 0.9, ...offset })),
+      this.#material("fill", () => new MeshStandardMaterial({ color, transparent: true, opacity: 0.3, depthWrite: false, roughness: 0.9, ...offset })),
     );
     fill.renderOrder = 3;
     parent.add(depth, fill);
     if (!isBody) return;
     const edges = new EdgesGeometry(geometry, 32);
     this.#geometries.push(edges);
-    const lines = new LineSegments(edges, material("edges", () => new LineBasicMaterial({ color, transparent: true, opacity: 0.45 })));
+    const lines = new LineSegments(edges, this.#material("edges", () => new LineBasicMaterial({ color, transparent: true, opacity: 0.45 })));
     lines.renderOrder = 4;
     parent.add(lines);
   }
