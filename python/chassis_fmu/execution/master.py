@@ -34,12 +34,10 @@ from ..files.plan import Bytes, Component, InputSeries, PlanError, Run, Setting,
 from . import calls, clocks, fmi3, rates
 from .bus import Array, ExactValues, RealInputs, RealOutputs, WholeGroup, of_type
 from .calls import Board
+from .fmi3 import DISCARD, ERROR, OK
 from .start import change, evaluate, solve
 
-OK = 0
 WARNING = 1
-DISCARD = 2
-ERROR = 3
 FATAL = 4
 # Kinds of fmi2StatusKind.
 LAST_SUCCESSFUL_TIME = 2

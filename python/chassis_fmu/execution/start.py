@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from .. import _native
 from .bus import Array, ExactValues
+from .fmi3 import DISCARD
 
 if TYPE_CHECKING:
     from ..files.plan import AlgebraicLoop
@@ -42,7 +43,7 @@ def change(slaves: Sequence[Slave], before: Array, after: Array) -> tuple[str, s
 def _unless_discarded(call: Callable[..., T]) -> Callable[..., T | None]:
     """Return a function that returns None where a component discards a call."""
     # `master` imports this module.
-    from .master import DISCARD, RunError
+    from .master import RunError
 
     def called(*arguments: list[float]) -> T | None:
         try:
