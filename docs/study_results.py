@@ -12,6 +12,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from tqdm import tqdm
+
 from chassis_fmu import scenario
 from chassis_fmu.program import ROOT
 from chassis_fmu.report import tables
@@ -42,10 +44,10 @@ def numbers(name: str, out: Path) -> Numbers:
     command = [sys.executable, "-m", "chassis_fmu", "study", str(path), "--out", str(out), "--resume", "--no-fail"]
     if subprocess.run(command, check=False).returncode != 0:
         raise SystemExit(f"error: the study {path} could not run, see above")
-    folders = scenario.default_folders()
+    folders = [scenario.default_folder()]
     job = Job(file.read(path, folders), path, folders)
     engine = Nothing(job, 1, 60.0)
-    done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(), resume=True)
+    done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(tqdm(disable=True)), resume=True)
     return Numbers(job, done.values, done.rows)
 
 

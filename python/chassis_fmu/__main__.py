@@ -6,8 +6,7 @@ import os
 import subprocess
 import sys
 
-from . import libpython
-from .program import ProgramError, find
+from .program import ProgramError, find, python_library
 
 
 def main() -> int:
@@ -20,7 +19,7 @@ def main() -> int:
     # FMUs made with Python use this Python.
     os.environ.setdefault("PYTHONHOME", sys.base_prefix)
     os.environ["CHASSIS_PYTHON"] = sys.executable
-    library = libpython.find()
+    library = python_library()
     if library is not None:
         os.environ.setdefault("CHASSIS_LIBPYTHON", str(library))
     if os.name == "posix":

@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
-import numpy as np
 
-from . import shell
 from .evaluation.metrics import MetricError
 from .evaluation.results_table import Numbers, Verdict
 from .files import plan, results
@@ -93,7 +91,6 @@ def report(scenario: Plan, request: Request) -> str:
         inputs=request.inputs,
         shortened=request.shortened,
         files=tuple(p.relative_to(folder).as_posix() for p in files),
-        versions=shell.versions(),
         steps=request.steps,
         replays=tuple(lab.of_scenario(scenario, folder)),
         converge=msgspec.json.decode((folder / "converge.json").read_bytes()) if request.converge else None,
@@ -118,10 +115,7 @@ def _convert(scenario: Plan, runs: Path, finished: set[str]) -> None:
             path = runs / f"{run.stem}.csv"
             recording = results.read_csv(path, list(units))
             binaries = results.read_binaries(path, texts, run.binary)
-            names = list(recording.values)
-            rows = np.column_stack([np.empty((len(recording.times), 0)), *recording.values.values()])
-            of_names = [units[name] for name in names]
-            results.write_parquet(runs / f"{run.stem}.parquet", names, of_names, recording.times, rows, binaries)
+            results.write_parquet(runs / f"{run.stem}.parquet", recording, units, binaries)
 
 
 def execute(request: Request) -> None:

@@ -136,9 +136,6 @@ class Env(gymnasium.Env[Array, Array]):
         terminated = self._terminate is not None and bool(self._terminate(signals))
         return self._observation(after), reward, terminated, self._session.is_over, {"time": self._session.time}
 
-    def close(self) -> None:
-        """Do nothing: the FMUs are freed with the environment."""
-
     def _read(self) -> Array:
         values = self._session.read()
         bad = next((index for index, value in enumerate(values.tolist()) if not math.isfinite(value)), None)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import libpython
+from .program import python_library
 from .scenario import ScenarioError, Value, fmus, worker_program
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _command(
     """Return the JSON that a `cargo fmu` command prints for an FMU with these values."""
     command: list[str | Path] = [worker_program(), name, fmu, "--json", "--timeout", repr(timeout), *options]
     command += [part for key, value in (values or {}).items() for part in ("--set", f"{key}={_text(value)}")]
-    library = libpython.find()
+    library = python_library()
     if library is not None:
         command += ["--libpython", library]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)

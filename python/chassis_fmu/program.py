@@ -1,10 +1,11 @@
-"""Finds the native program `chassis`, which executes FMUs in separate processes."""
+"""Finds the native program `chassis`, which executes FMUs in separate processes, and the library of this Python."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
+import sysconfig
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -35,3 +36,14 @@ def find() -> Path:
             "run `scripts/build` in the repository, or put the program on the PATH"
         )
     return found
+
+
+def python_library() -> Path | None:
+    """Return the shared library of this Python, which FMUs made with Python need in processes that do not run Python.
+
+    None if this Python is linked statically.
+    """
+    name = sysconfig.get_config_var("INSTSONAME") or ""
+    folder = Path(sysconfig.get_config_var("LIBDIR") or "/")
+    candidates = [folder / name, folder / (sysconfig.get_config_var("MULTIARCH") or "") / name]
+    return next((c for c in candidates if ".so" in name and c.is_file()), None)

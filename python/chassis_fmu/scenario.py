@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from . import _native, libpython, program
+from . import _native, program
 from .files import plan
 from .program import PACKAGE, ROOT
 
@@ -109,11 +109,13 @@ class Outcome:
 
 def fmus() -> dict[str, Path]:
     """Return the FMUs of this package by name, or those of the repository it is installed from."""
-    for folder in (PACKAGE / "fmus", ROOT / "target" / "fmu"):
-        found = {path.stem: path for path in sorted(folder.glob("*.fmu"))}
-        if found:
-            return found
-    return {}
+    return {path.stem: path for path in sorted(default_folder().glob("*.fmu"))}
+
+
+def default_folder() -> Path:
+    """Return the folder that is searched for FMUs."""
+    folders = (PACKAGE / "fmus", ROOT / "target" / "fmu")
+    return next((folder for folder in folders if any(folder.glob("*.fmu"))), folders[-1])
 
 
 def worker_program() -> Path:
@@ -134,7 +136,7 @@ def _split(name: str) -> tuple[str, str]:
 class Scenario:
     """A scenario file with its FMUs.
 
-    `fmus` lists folders with FMUs (default: the folders that `fmus()` searches), `stop` ends the runs earlier (s),
+    `fmus` lists folders with FMUs (default: the folder of `fmus()`), `stop` ends the runs earlier (s),
     `step` is another communication step (s), and `replace` gives other FMUs for components. Raises `ScenarioError`,
     with file, line and column, if the file or an FMU cannot be used.
     """
@@ -150,7 +152,7 @@ class Scenario:
         keep_parameters: bool = False,
     ) -> None:
         self.file = Path(file).resolve()
-        self._folders = [Path(f).resolve() for f in (fmus if fmus is not None else default_folders())]
+        self._folders = [Path(f).resolve() for f in ([default_folder()] if fmus is None else fmus)]
         self._stop = stop
         self._step = step
         self._replace = dict(replace or {})
@@ -270,7 +272,7 @@ class Scenario:
 
     def start(self, jobs: int, timeout: float = 60.0) -> None:
         """Prepare worker processes for `execute`; each starts when it is first needed."""
-        self._native.start(worker_program(), jobs, timeout, libpython.find())
+        self._native.start(worker_program(), jobs, timeout, program.python_library())
 
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
         """Execute samples in the workers. `take` gets outcomes in any order and returns False to stop."""
@@ -310,14 +312,12 @@ class Scenario:
         """
         index = self.index(case, point, seed)
         times, columns = self.record(tuple((values or {}).items()), index)
-        names, arrays, units = ["time"], [pa.array(times)], ["s"]
+        signals = [("time", pa.array(times), "s")]
         for column, array in zip(self.plan.columns, columns, strict=True):
             if array is not None:
-                names.append(column.name)
-                arrays.append(pa.array(array))
-                units.append(column.unit or "1")
-        fields = [pa.field(n, a.type, metadata={"unit": u}) for n, a, u in zip(names, arrays, units, strict=True)]
-        return pa.table(arrays, schema=pa.schema(fields))
+                signals.append((column.name, pa.array(array), column.unit or "1"))
+        fields = [pa.field(name, array.type, metadata={"unit": unit}) for name, array, unit in signals]
+        return pa.table([array for _, array, _ in signals], schema=pa.schema(fields))
 
     def record(self, values: tuple[tuple[str, Value], ...], run: int) -> tuple[Column, list[ExactColumn | None]]:
         """Run with changed values in this process; returns the times and the columns of the plan."""
@@ -350,9 +350,3 @@ class Scenario:
                     f'`variable("{name}").from_unit(number, "unit")` converts a number from another unit'
                 ) from None
         return [(*_split(name), value) for name, value in sample.values]
-
-
-def default_folders() -> list[Path]:
-    """Return the folders that are searched for FMUs."""
-    found = fmus()
-    return [next(iter(found.values())).parent] if found else [ROOT / "target" / "fmu"]

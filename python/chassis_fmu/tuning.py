@@ -19,18 +19,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute
 import pyarrow.csv
-import pyarrow.parquet
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import _native, shell
+from . import _native
 from .files import results
 from .files.describe import sha256
 from .files.plan import Case, Conversion, Level
 from .report import index, page_data, plots, rendering, tables
-from .report.panels import Axis, Line, Panel
-from .scenario import ScenarioError
+from .report.panels import Axis, Chart, Line, Panel
 from .terminal import escaped
 
 FORMAT = 3
@@ -162,8 +160,7 @@ def write_history(study: Study, table: pa.Table, path: Path) -> None:
     """Write the histories as Parquet, units of measure as field metadata."""
     units = {p["name"]: p["unit"] or "1" for p in study.parameters}
     fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
-    with results.replacing(path) as temporary:
-        pyarrow.parquet.write_table(table.cast(pa.schema(fields)), temporary, compression="zstd")
+    results.write_table(path, table.cast(pa.schema(fields)))
 
 
 def best_so_far(table: pa.Table, method: str) -> Array:
@@ -186,9 +183,7 @@ def median(curves: Sequence[Array]) -> Array:
     """
     length = max(len(c) for c in curves)
     padded = [np.pad(np.nan_to_num(c, nan=np.inf), (0, length - len(c)), mode="edge") for c in curves]
-    middle: Array = np.sort(padded, axis=0)[len(curves) // 2]
-    if len(curves) % 2 == 0:
-        middle = 0.5 * (middle + np.sort(padded, axis=0)[len(curves) // 2 - 1])
+    middle = np.median(padded, axis=0)
     return np.where(np.isfinite(middle), middle, np.nan)
 
 
@@ -348,7 +343,7 @@ def draw(found: Convergence) -> plots.Drawing:
         ax.set_ylabel("Best objective so far (no unit)")
         if len(lines) > 1:
             canvas.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.6)
-        return plots.Drawing.of(plots.Picture("convergence", "Convergence", "running"), canvas)
+        return plots.Drawing.of(Chart("convergence", "Convergence", "running", "", [found.panel]), canvas)
 
 
 def definitions(raw: dict[str, Any]) -> list[str]:
@@ -385,7 +380,6 @@ def render(study: Study, drawing: plots.Drawing | None, data: str, command: str)
         interactive=page_data.Interactive.of(data),
         command=command,
         hashes={path.stem: sha256(path) for path in map(Path, study.raw["fmus"])},
-        versions=shell.versions(),
         definitions=definitions(study.raw),
         value=lambda value: "–" if value is None else tables.scientific(value),
         # A long name may break after its colon and its dots, nowhere else.
@@ -418,7 +412,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folder, command = sys.argv[1:] if argv is None else argv
     try:
         print(report(Path(folder), command))
-    except (StudyError, ScenarioError, results.ResultsError, OSError) as error:
+    except (StudyError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     return 0

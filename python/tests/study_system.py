@@ -13,7 +13,7 @@ from typing import Any
 import fmpy
 import msgspec
 
-from chassis_fmu import program, shell
+from chassis_fmu import program
 from chassis_fmu.study import app
 from tests.commands import unwrapped
 
@@ -124,4 +124,4 @@ def carry_out(arguments: Sequence[str]) -> int:
     if done.returncode:
         print(unwrapped(done.stderr.decode()), file=sys.stderr)
         return done.returncode
-    return app.carry_out(msgspec.json.decode(done.stdout, type=app.Request, dec_hook=shell.path))
+    return app.carry_out(msgspec.json.decode(done.stdout, type=app.Request, dec_hook=lambda of, value: of(value)))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from chassis_fmu.scenario import default_folders
+from chassis_fmu.scenario import default_folder
 from chassis_fmu.study import design, file
 from chassis_fmu.study.file import StudyError
 from chassis_fmu.study.job import Job
@@ -75,8 +75,8 @@ def test_damaged_studies_are_rejected_with_a_message(path: Path, tmp_path: Path)
     for _ in range(CHANGES):
         target.write_text(damage(text, chance), encoding="utf-8")
         try:
-            study = file.read(target, default_folders())
-            job = Job(study, target, default_folders())
+            study = file.read(target, [default_folder()])
+            job = Job(study, target, [default_folder()])
             if not study.is_adaptive and (study.runs or 0) <= MANY and all((f.count or 0) <= MANY for f in study.vary):
                 values = design.values(study, design.shares(study))
                 assert len(values) == len(study.vary)

@@ -7,9 +7,9 @@ PACKAGE = Path(__file__).parents[1] / "chassis_fmu"
 
 # From bottom to top. A folder is one layer, and so is each module in the package's top folder.
 LAYERS = (
-    ("_native", "libpython", "program", "terminal"),
+    ("_native", "program", "terminal"),
     ("__main__",),
-    ("files", "shell"),
+    ("files",),
     ("execution", "evaluation", "scenario"),
     ("env", "linear", "report"),
     ("app", "assess", "tuning"),

@@ -155,8 +155,8 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     times = np.arange(900) * 0.1
     values = np.random.default_rng(1).normal(size=900)
     recording = Recording(times, {"body.roll": values})
-    assert figures.spectra_of(noisy, noisy.runs[0], recording) == {}
-    spectra = figures.spectra_of(noisy, noisy.runs[2], recording)
+    assert figures.estimates_of(noisy, noisy.runs[0], recording) == {}
+    spectra = figures.estimates_of(noisy, noisy.runs[2], recording)
     # Only the recorded signal has a spectrum.
     assert list(spectra) == [("roll", 1)]
     _, densities = metrics.spectrum(times, values)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chassis_fmu import libpython
+from chassis_fmu.program import python_library
 from tests.commands import CARGO_FMU, CHASSIS
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_it_is_another_law(folder: Path) -> None:
 @pytest.fixture(scope="module")
 def python() -> list[str]:
     """Return the arguments that pass the Python library to a native program."""
-    path = libpython.find()
+    path = python_library()
     if path is None:
         pytest.skip("this Python has no shared library, which a master that is not Python needs for FMUs in Python")
     return ["--libpython", str(path)]

@@ -54,7 +54,8 @@ def test_parquet_gives_the_same_doubles_back(
     tmp_path: Path, table: tuple[list[str], results.Array, results.Array]
 ) -> None:
     names, times, rows = table
-    results.write_parquet(tmp_path / "a.parquet", names, ["rad", "rad"], times, rows)
+    recording = results.Recording(times, dict(zip(names, rows.T, strict=True)))
+    results.write_parquet(tmp_path / "a.parquet", recording, dict.fromkeys(names, "rad"))
     back = pyarrow.parquet.read_table(tmp_path / "a.parquet")
     assert bits(back["time"].to_numpy()) == bits(times)
     for i, name in enumerate(names):
@@ -66,7 +67,8 @@ def test_parquet_is_a_function_of_its_content(
 ) -> None:
     names, times, rows = table
     for file in ("a.parquet", "b.parquet"):
-        results.write_parquet(tmp_path / file, names, ["rad", "rad"], times, rows)
+        recording = results.Recording(times, dict(zip(names, rows.T, strict=True)))
+        results.write_parquet(tmp_path / file, recording, dict.fromkeys(names, "rad"))
     assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tqdm import tqdm
 
 import study_results
-from chassis_fmu.scenario import default_folders
+from chassis_fmu.scenario import default_folder
 from chassis_fmu.study import execute, file
 from chassis_fmu.study.engines import Nothing
 from chassis_fmu.study.execute import WHOLE, Folder
@@ -32,9 +33,10 @@ def carry_out(name: str, out: Path, runs: int) -> Numbers:
     path = STUDIES / f"{name}.toml"
     code, _ = commands.chassis("study", path, "--runs", str(runs), "--no-fail", "--out", out)
     assert code == 0
-    job = Job(file.read(path, default_folders(), runs), path, default_folders())
+    folders = [default_folder()]
+    job = Job(file.read(path, folders, runs), path, folders)
     engine = Nothing(job, 1, 60.0)
-    done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(), resume=True)
+    done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(tqdm(disable=True)), resume=True)
     assert {row.status for row in done.rows.values()} == {"ok"}
     return Numbers(job, done.values, done.rows)
 

@@ -7,7 +7,6 @@ import io
 import json
 import re
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import pytest
 import scipy.stats
 from numpy.typing import NDArray
 
+from chassis_fmu.scenario import Scenario
 from chassis_fmu.study import bundle, report, search
 from chassis_fmu.study.engines import Local
 from chassis_fmu.study.file import StudyError
@@ -838,7 +838,7 @@ def test_a_file_in_a_folder_above_the_scenario_is_found_on_other_machines(tmp_pa
         file.extractall(unpacked)
     deep = unpacked.joinpath("scenario", "l0", "l1", "l2", "l3")
     assert (deep / "../data/road.csv").read_text() == "first"
-    opened = replace(first.sources[0], file=deep / first.sources[0].file.name).open()
+    opened = Scenario(deep / first.scenarios[0].file.name, **first.sources[0].keywords)
     settings = [s for unit in opened.plan.runs[0].components for s in unit.parameters if s.type == "String"]
     assert [Path(str(s.value)).read_text() for s in settings] == ["first"] * (place == "parameter")
     data.write_text("other")

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from tqdm import tqdm
 
-from chassis_fmu.study import app
-from chassis_fmu.study.execute import WHOLE, Folder, Shard
+from chassis_fmu.study.execute import WHOLE, Folder, Progress, Shard
 from chassis_fmu.study.job import Done
 from tests import study_system
 from tests.commands import patience, until
@@ -77,7 +76,7 @@ def test_two_processes_do_not_write_to_one_folder(tmp_path: Path, capsys: pytest
 
 def test_the_bar_begins_with_the_rows_that_are_there() -> None:
     with tqdm(total=10, file=io.StringIO()) as bar:
-        progress = app._Bar(bar)
+        progress = Progress(bar)
         progress.begin([row(0), row(1), row(2, "crashed")])
         # tqdm computes rate and remaining time from the rows after `initial`.
         assert (bar.n, bar.initial, bar.postfix) == (3, 3, "failed=1")

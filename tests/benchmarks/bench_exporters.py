@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 from fmpy.validation import validate_fmu
 
-from chassis_fmu import libpython
-from chassis_fmu.program import ROOT
+from chassis_fmu.program import ROOT, python_library
 
 SOURCES = ROOT / "examples" / "other-exporters"
 BUILD = ROOT / "target" / "bench" / "exporters"
@@ -140,7 +139,7 @@ def pack_reference_fmus(tools: Path) -> Iterator[Fmu]:
 
 
 def pack_pythonfmu(_tools: Path) -> Iterator[Fmu]:
-    library = libpython.find()
+    library = python_library()
     if library is None:
         raise ProgramError("the FMU needs a shared library of Python, but this Python has none")
     source = ROOT / "python" / "tests" / "python_quarter_car.py"

@@ -12,9 +12,7 @@ import numpy as np
 from ..evaluation import metrics
 from ..files.plan import Case, Conversion, Level
 from ..files.results import Recording
-from ..report.charts import Chart
-from ..report.panels import Array, Axis, Line, Panel, PanelKind
-from ..report.plots import Picture
+from ..report.panels import Array, Axis, Chart, Line, Panel, PanelKind
 from .assessment import Assessment, Folder, Run, Suite
 
 DEGREES = Conversion("°", 180.0 / math.pi)
@@ -72,7 +70,7 @@ Make = Callable[[Source], "Chart | None"]
 
 def _chart(name: str, title: str, kind: str, caption: str, panels: Sequence[Panel]) -> Chart | None:
     shown = [panel for panel in panels if panel.lines]
-    return Chart(Picture(name, title, kind), caption, shown) if shown else None
+    return Chart(name, title, kind, caption, shown) if shown else None
 
 
 def _speed(source: Source, maneuver: str) -> str:
@@ -133,16 +131,10 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 line = float(up[inside].mean()) + gradient * (ends - float(across[inside].mean()))
                 gradients.append(Line("reference", "" if gradients else "slope from 1 to 3 m/s²", ends, line, case))
     wheel_angle = Axis("Steering wheel angle", ANGLE)
+    diagram = "Handling diagram: front-wheel angle minus wheelbase · yaw rate / speed"
     panels = [
         Panel(wheel_angle.title, "", LATERAL, wheel_angle, (*steering, *regressions), kind="curve"),
-        Panel(
-            "Handling diagram: front-wheel angle minus wheelbase · yaw rate / speed",
-            "",
-            LATERAL,
-            Axis("Angle", ANGLE),
-            (*handling, *gradients),
-            kind="curve",
-        ),
+        Panel(diagram, "", LATERAL, Axis("Angle", ANGLE), (*handling, *gradients), kind="curve"),
     ]
     speed = _speed(source, "slowly_increasing_steer")
     caption = (
@@ -223,7 +215,7 @@ def frequency_response(source: Source) -> Chart | None:
 
 
 def _array(values: Any) -> Array | None:
-    return None if values is None else np.array([math.nan if v is None else v for v in values], np.float64)
+    return None if values is None else np.array(values, np.float64)
 
 
 def _path(recording: Recording) -> tuple[Array, Array] | None:
@@ -531,21 +523,14 @@ def ride(source: Source) -> Chart | None:
         plain.append(Line("run", case.title, f, density, case))
         weighted.append(Line("run", case.title, f, density * gain**2, case))
     # Show at most six decades; smaller values are rounding errors.
-    axis = Axis(
-        "Density", (Conversion("(m/s²)²/Hz"),), log=True, range=(max(0.5 * least, 2e-6 * highest), 2.0 * highest)
-    )
+    ends = max(0.5 * least, 2e-6 * highest), 2.0 * highest
+    axis = Axis("Density", (Conversion("(m/s²)²/Hz"),), log=True, range=ends)
     inside = (frequencies >= 0.2) & (frequencies <= 100.0)
     curve = Line("reference", "gain of W_k", frequencies[inside], gains[inside], right=True)
+    right, lines = Axis("Gain of W_k", NO_UNIT), (*weighted, curve) if weighted else ()
     panels = [
         Panel("Heave acceleration", "", hertz, axis, tuple(plain)),
-        Panel(
-            "Heave acceleration, weighted by W_k",
-            "",
-            hertz,
-            axis,
-            (*weighted, curve) if weighted else (),
-            right=Axis("Gain of W_k", NO_UNIT),
-        ),
+        Panel("Heave acceleration, weighted by W_k", "", hertz, axis, lines, right=right),
     ]
     caption = f"{_speed(source, 'ride')} Power spectral densities on a road of class C (ISO 8608), first seed."
     return _chart("ride", "Ride", "spectrum", caption, panels)

@@ -9,10 +9,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import _native, shell
+from .. import _native
 from ..files.plan import Case
 from ..report import index, lab, rendering, tables
-from ..report.charts import Drawings
 from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
 from .charts import CHARTS, Source
 
@@ -170,7 +169,7 @@ def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[
 def render(found: Assessment, folder: Folder, command: str) -> str:
     """Return the page, and write its figures beside it."""
     source = Source(found, folder, systems(found))
-    drawings = Drawings(source.cases, folder.path / "figures")
+    drawings = rendering.Drawings(source.cases, folder.path / "figures")
     sections = []
     for suite, (title, procedures) in SUITES.items():
         rows = [row for row in found.metrics if row.suite == suite]
@@ -206,7 +205,6 @@ def render(found: Assessment, folder: Folder, command: str) -> str:
         troubles=_troubles(found, source.cases),
         interactive=drawings.interactive,
         command=command,
-        versions=shell.versions(),
         value=value,
         notes=lambda row: notes(row, source.cases),
         unit_of=unit_of,

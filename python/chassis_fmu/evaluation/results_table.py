@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import statistics
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -135,17 +136,16 @@ class Numbers:
 
         None without common seeds, or if the value of `against` is negligible.
         """
-        if self.is_negligible(against):
-            return None
-        percents = (change(value, base) for value, base in self.pairs(cell, against))
-        return Statistic.of([p for p in percents if p is not None])
+        return Statistic.of(list(self._percents(cell, against).values()))
 
     def changes(self, cell: Cell) -> dict[int | None, float]:
         """Return the change from the baseline in percent, by seed; empty if the baseline is negligible."""
         against = self.baseline(cell)
-        if against is None or self.is_negligible(against):
-            return {}
-        ours, theirs = self.by_seed(cell), self.by_seed(against)
+        return {} if against is None else self._percents(cell, against)
+
+    def _percents(self, cell: Cell, against: Cell) -> dict[int | None, float]:
+        """Return the change in percent, by seed; empty if the value of `against` is negligible."""
+        ours, theirs = self.by_seed(cell), {} if self.is_negligible(against) else self.by_seed(against)
         percents = {seed: change(value, theirs[seed]) for seed, value in ours.items() if seed in theirs}
         return {seed: percent for seed, percent in percents.items() if percent is not None}
 
@@ -202,17 +202,12 @@ class Numbers:
     def status(self, check: Check) -> Status:
         """Return the badge of one check."""
         cell, against = check.cell, check.against
-        places = {(cell.case, cell.point), *([] if against is None else [(against.case, against.point)])}
-        if (
-            not places <= self._finished
-            or self._is_cut_off(self.metric(cell))
-            or (against is not None and self._is_cut_off(self.metric(against)))
-        ):
-            return Status.OPEN
+        for of in (cell,) if against is None else (cell, against):
+            if (of.case, of.point) not in self._finished or self._is_cut_off(self.metric(of)):
+                return Status.OPEN
         ours = self.statistic(cell)
         if check.expect == "never":
-            some = 0 if ours is None else ours.count
-            return Status.REPRODUCED if not some else Status.NOT_REPRODUCED
+            return Status.REPRODUCED if ours is None else Status.NOT_REPRODUCED
         if ours is None:
             return Status.NOT_REPRODUCED
         if check.expect == "paper_value":
@@ -235,21 +230,21 @@ class Numbers:
             return Status.NOT_REPRODUCED
         difference = grading.paired(pairs)
         found = self.change(cell, against)
+        percent = None if found is None else found.mean
         if check.expect in ("lower", "higher"):
-            percent = None if found is None else found.mean
             return grading.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
         if check.expect == "unchanged":
-            if found is None:
+            if percent is None:
                 # A change from a negligible value has no percentage. "Unchanged" then means that the new value is
                 # negligible, too.
                 return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
-            return grading.of_no_change(difference, found.mean)
+            return grading.of_no_change(difference, percent)
         paper = self.paper_change(cell, against)
         if paper is None:
             return Status.OPEN
         if self.is_calibrated(cell, against):
             return Status.CALIBRATED
-        return grading.of_change(difference, None if found is None else found.mean, paper)
+        return grading.of_change(difference, percent, paper)
 
     def finding(self, finding: Finding) -> Status:
         """Return the badge of a finding from its worst check; a claim that is not from a paper holds or does not."""
@@ -260,24 +255,20 @@ class Numbers:
 
     def table(self) -> list[Row]:
         """Return the rows of all metrics, ordered by metric, point, case."""
-        rows = []
-        for index, metric in enumerate(self.plan.metrics):
-            for point in self.plan.point_names:
-                for case in self.plan.cases:
-                    cell = Cell(index, case.name, point)
-                    against = self.baseline(cell)
-                    rows.append(
-                        Row(
-                            metric=metric,
-                            case=case.name,
-                            point=point,
-                            ours=self.statistic(cell),
-                            change=None if against is None else self.change(cell, against),
-                            paper=self.paper_value(cell),
-                            paper_change=None if against is None else self.paper_change(cell, against),
-                            origin=self._origin(cell),
-                            status=self.status_of(cell),
-                            negligible=against is not None and self.is_negligible(against),
-                        )
-                    )
-        return rows
+        places = itertools.product(range(len(self.plan.metrics)), self.plan.point_names, self.plan.case_titles)
+        return [self._row(Cell(index, case, point)) for index, point, case in places]
+
+    def _row(self, cell: Cell) -> Row:
+        against = self.baseline(cell)
+        return Row(
+            metric=self.metric(cell),
+            case=cell.case,
+            point=cell.point,
+            ours=self.statistic(cell),
+            change=None if against is None else self.change(cell, against),
+            paper=self.paper_value(cell),
+            paper_change=None if against is None else self.paper_change(cell, against),
+            origin=self._origin(cell),
+            status=self.status_of(cell),
+            negligible=against is not None and self.is_negligible(against),
+        )

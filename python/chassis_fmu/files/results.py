@@ -104,31 +104,26 @@ def read_binaries(path: Path, names: Sequence[str], encoding: BinaryText | None)
         raise ResultsError(f"{path}: cannot read the results: {error}") from error
 
 
-def write_parquet(
-    path: Path,
-    names: Sequence[str],
-    units: Sequence[str],
-    times: Array,
-    rows: Array,
-    binaries: Mapping[str, Sequence[bytes]] | None = None,
-) -> None:
-    """Write the same table as Parquet, with units of measure as field metadata, and the columns of Binaries.
+def write_table(path: Path, table: pa.Table, **options: Any) -> None:
+    """Write a table as Parquet; the same table always gives the same bytes."""
+    with replacing(path) as temporary:
+        pyarrow.parquet.write_table(table, temporary, compression="zstd", **options)
 
-    Byte stream split with zstd compresses series of doubles well. The same table always gives the same bytes.
+
+def write_parquet(
+    path: Path, recording: Recording, units: Mapping[str, str], binaries: Mapping[str, Sequence[bytes]] | None = None
+) -> None:
+    """Write a recording as Parquet, with units of measure as field metadata, and the columns of Binaries.
+
+    Byte stream split with zstd compresses series of doubles well.
     """
-    fields = [pa.field("time", pa.float64(), nullable=False, metadata={"unit": "s"})]
-    fields += [
-        pa.field(name, pa.float64(), nullable=False, metadata={"unit": unit})
-        for name, unit in zip(names, units, strict=True)
-    ]
-    columns = [pa.array(times), *(pa.array(np.ascontiguousarray(rows[:, i])) for i in range(len(names)))]
+    signals, units = {"time": recording.times, **recording.values}, {"time": "s", **units}
+    fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in signals]
+    columns = [pa.array(values) for values in signals.values()]
     for name, values in (binaries or {}).items():
         fields.append(pa.field(name, pa.binary(), nullable=False))
         columns.append(pa.array(values, pa.binary()))
     table = pa.Table.from_arrays(columns, schema=pa.schema(fields))
     # Only numbers can be split by bytes.
-    split = True if not binaries else ["time", *names]
-    with replacing(path) as temporary:
-        pyarrow.parquet.write_table(
-            table, temporary, compression="zstd", use_dictionary=False, use_byte_stream_split=split
-        )
+    split = list(signals) if binaries else True
+    write_table(path, table, use_dictionary=False, use_byte_stream_split=split)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -37,6 +38,9 @@ Key = tuple[str, "str | None"]
 Place = tuple[str, int, str, "str | None"]
 """Figure, column, case and point."""
 
+Estimate: TypeAlias = "Array | tuple[Array, Array]"
+"""Rows of `metrics.cross`, or frequencies (Hz) and densities of a spectrum."""
+
 
 @dataclass
 class _Seeds:
@@ -55,8 +59,7 @@ class Recordings:
         self.columns = {plan.columns[c].name for f in plan.figures for c in columns_of(plan, f)}
         self.first: dict[Key, Recording] = {}
         self._seeds: dict[Place, _Seeds] = {}
-        self._spectra: dict[Place, list[tuple[Array, Array]]] = {}
-        self._cross: dict[Place, list[Array]] = {}
+        self._estimates: dict[Place, list[Estimate]] = {}
 
     def add(self, run: Run, recording: Recording) -> None:
         """Add a run.
@@ -66,13 +69,11 @@ class Recordings:
         if run.seed == self._plan.seed_values[0]:
             kept = {n: v for n, v in recording.values.items() if n in self.columns}
             self.first[run.case, run.point] = Recording(recording.times, kept)
-        for (name, column), spectrum in spectra_of(self._plan, run, recording).items():
-            self._spectra.setdefault((name, column, run.case, run.point), []).append(spectrum)
-        for (name, column), rows in cross_of(self._plan, run, recording).items():
-            self._cross.setdefault((name, column, run.case, run.point), []).append(rows)
+        for (name, column), estimate in estimates_of(self._plan, run, recording).items():
+            self._estimates.setdefault((name, column, run.case, run.point), []).append(estimate)
         if run.seed is None or len(self._plan.seeds) < 2:
             return
-        for figure, of_window in _windows(self._plan, "time", run, recording):
+        for figure, of_window in _windows(self._plan, ("time",), run, recording):
             times = recording.times[of_window]
             every = max(1, len(times) // FEW_BUCKETS)
             for index in figure.columns:
@@ -86,14 +87,14 @@ class Recordings:
                 seeds.times = times[::every]
                 seeds.samples.append(values[of_window][::every])
 
-    @property
-    def spectra(self) -> dict[Place, tuple[Array, Array]]:
-        """Mean spectra over the seeds: frequencies (Hz) and densities."""
-        return {key: (own[0][0], np.mean([d for _, d in own], axis=0)) for key, own in self._spectra.items()}
+    def spectrum(self, key: Place) -> tuple[Array, Array] | None:
+        """Return frequencies (Hz) and densities, which are means over the seeds."""
+        own = self._estimates.get(key)
+        return None if own is None else (own[0][0], np.mean([densities for _, densities in own], axis=0))
 
     def transfer(self, key: Place) -> tuple[Array, Array, Array, Array] | None:
         """Return frequencies (Hz), gain, phase (rad) and coherence, estimated from all seeds."""
-        own = self._cross.get(key)
+        own = self._estimates.get(key)
         if own is None:
             return None
         mean = np.mean(own, axis=0)
@@ -114,10 +115,10 @@ class Recordings:
             yield Line("run", f"{case.title}, seed {seed}", times, values, case, seed, run=stem, signal=name)
 
 
-def _windows(plan: Plan, kind: str, run: Run, recording: Recording) -> Iterator[tuple[Figure, slice]]:
-    """Return the figures of a kind that show a run, and the rows of their windows."""
+def _windows(plan: Plan, kinds: Sequence[str], run: Run, recording: Recording) -> Iterator[tuple[Figure, slice]]:
+    """Return the figures of some kinds that show a run, and the rows of their windows."""
     for figure in plan.figures:
-        if figure.kind == kind and run.case in figure.cases:
+        if figure.kind in kinds and run.case in figure.cases:
             yield figure, metrics.window(recording.times, figure.window, plan.simulation.step)
 
 
@@ -248,11 +249,8 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                     lines.append(shown.line("run", _title_of(plan, shown.case), column))
                     for other, is_right in beside:
                         if other.name in shown.recording.values:
-                            lines.append(
-                                shown.line(
-                                    "reference", brief(other) if is_right else label(other), other, right=is_right
-                                )
-                            )
+                            title = brief(other) if is_right else label(other)
+                            lines.append(shown.line("reference", title, other, right=is_right))
                     lines += recordings.others(figure, index, shown.case, point)
                 recorded = (recordings.first.get((case.name, point)) for case in together)
                 # The panel of a run that stopped before the window is empty.
@@ -322,58 +320,39 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
 
 
 def _spectrum(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
-    spectra = recordings.spectra
     x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
     for index, point, note in _at_points(plan, figure.columns):
         column = plan.columns[index]
-        y = Axis(
-            f"Density of {_in_sentence(brief(column))}",
-            (Conversion(density_unit(_shown(column, figure).unit)),),
-            log=True,
-        )
+        unit = Conversion(density_unit(_shown(column, figure).unit))
+        y = Axis(f"Density of {_in_sentence(brief(column))}", (unit,), log=True)
         lines = []
         for case in _cases(plan, figure):
-            key = (figure.name, index, case.name, point)
-            if key in spectra and np.any(spectra[key][1] > 0.0):
-                frequencies, densities = spectra[key]
+            spectrum = recordings.spectrum((figure.name, index, case.name, point))
+            if spectrum is not None and np.any(spectrum[1] > 0.0):
                 # A logarithmic axis cannot show 0, the density of a constant.
-                positive = np.where(densities > 0.0, densities, np.nan)
-                lines.append(Line("run", case.title, frequencies, positive, case))
+                positive = np.where(spectrum[1] > 0.0, spectrum[1], np.nan)
+                lines.append(Line("run", case.title, spectrum[0], positive, case))
         if lines:
             yield Panel(label(column), note, x, y, tuple(lines))
 
 
-def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], tuple[Array, Array]]:
-    """Return the spectra that the figures show for a run, by figure and column.
+def estimates_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], Estimate]:
+    """Return the spectra that the figures show for a run, and the cross spectra for their transfer functions.
 
-    Raises MetricError for a recording too short for a spectrum.
+    They are by figure and column. Raises MetricError for a recording too short for a spectrum.
     """
-    out = {}
-    for figure, rows in _windows(plan, "spectrum", run, recording):
-        for index in figure.columns:
-            column = plan.columns[index]
-            if column.name in recording.values:
-                values = recording.values[column.name][rows] * _shown(column, figure).factor
-                out[figure.name, index] = metrics.spectrum(recording.times[rows], values)
-    return out
-
-
-def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], Array]:
-    """Return the cross spectra for the transfer functions that the figures show for a run, by figure and column.
-
-    Raises MetricError for a recording too short for a spectrum.
-    """
-    out = {}
-    for figure, rows in _windows(plan, "transfer", run, recording):
-        if figure.over is None:
-            continue
-        over = plan.columns[figure.over]
-        for index in figure.columns:
-            column = plan.columns[index]
-            if column.name in recording.values and over.name in recording.values:
+    out: dict[tuple[str, int], Estimate] = {}
+    for figure, rows in _windows(plan, ("spectrum", "transfer"), run, recording):
+        over = plan.columns[figure.over] if figure.kind == "transfer" and figure.over is not None else None
+        for column, index in ((plan.columns[index], index) for index in figure.columns):
+            if not recording.values.keys() >= {column.name, (over or column).name}:
+                continue
+            times, values = recording.times[rows], recording.values[column.name][rows] * _shown(column, figure).factor
+            if over is None:
+                out[figure.name, index] = metrics.spectrum(times, values)
+            else:
                 given = recording.values[over.name][rows] * over.shown.factor
-                found = recording.values[column.name][rows] * _shown(column, figure).factor
-                out[figure.name, index] = metrics.cross(recording.times[rows], given, found)
+                out[figure.name, index] = metrics.cross(times, given, values)
     return out
 
 
@@ -434,10 +413,8 @@ def _sweep(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
                 values = np.array([s.mean for _, s in ours])
                 spread = np.array([s.deviation or 0.0 for _, s in ours])
                 places = np.array([value for value, _ in ours])
-                has_spread = bool(spread.any())
-                lines.append(
-                    Line("run", case.title, places, values, case, spread=spread if has_spread else None, marks=True)
-                )
+                known = spread if spread.any() else None
+                lines.append(Line("run", case.title, places, values, case, spread=known, marks=True))
             paper = [(value, c.paper) for value, c in row if c.paper is not None]
             if paper:
                 values, places = np.array([v for _, v in paper]), np.array([value for value, _ in paper])

@@ -37,8 +37,6 @@ class Context:
     """Options that shortened the runs, such as "--stop 2 --seeds 1"."""
     files: tuple[str, ...] = ()
     """Files with recorded signals, relative to the page."""
-    versions: tuple[tuple[str, str], ...] = ()
-    """Names and versions of the programs that were used."""
     steps: Mapping[str, Steps] = field(default_factory=dict)
     """Steps of each run that chooses or repeats them."""
     replays: tuple[tuple[str, str], ...] = ()
@@ -113,13 +111,14 @@ def _default(setting: Setting, variable: Variable | None) -> str:
 
 def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
     """List a value once if it is the same in all runs, otherwise by the case or point that it depends on."""
-
-    def by_axis(axis: int) -> Callable[[str, str | None], str | None]:
+    labels: tuple[Callable[[str, str | None], str | None], ...] = (
+        lambda *_: "",
+        lambda case, _: plan.case_titles[case],
         # In a sweep over two parameters, most values depend on one of them.
-        return lambda _, point: places[axis] if (places := _places(plan, point)) else None
-
-    of_case, of_point = plan.case_titles, plan.point_titles
-    labels = (lambda *_: "", lambda case, _: of_case[case], by_axis(0), by_axis(1), lambda _, point: of_point[point])
+        lambda _, point: (_places(plan, point) or (None, None))[0],
+        lambda _, point: (_places(plan, point) or (None, None))[1],
+        lambda _, point: plan.point_titles[point],
+    )
     for label in labels:
         by_label: dict[str | None, set[str]] = {}
         for place, value in values.items():
@@ -237,26 +236,16 @@ def render(
     cells = numbers.table()
     s = plan.simulation
     limit = _limit(cells)
-    # Badge, claim, explanation and checks.
-    findings = [
-        (
-            numbers.finding(f),
-            texts.fill(f.claim, numbers),
-            texts.fill(f.explanation, numbers),
-            texts.checks(f.checks, numbers),
-        )
-        for f in plan.findings
-    ]
-    badges = {c.status for c in cells} | {
-        of for status, *_, checks in findings for of in (status, *(s for s, _ in checks))
-    }
+    badges = {c.status for c in cells} | {numbers.finding(f) for f in plan.findings}
+    badges |= {numbers.status(check) for f in plan.findings for check in f.checks}
     return rendering.render(
         "page.html.j2",
         plan=plan,
         paragraphs=rendering.paragraphs(plan.description),
         groups=[(metric, [c for c in cells if c.metric is metric]) for metric in plan.metrics],
         tables=tables,
-        definition=texts.definition,
+        texts=texts,
+        numbers=numbers,
         bar=lambda percent: _bar(percent, limit),
         places=lambda point: _places(plan, point),
         colors={case.name: index % len(plots.PALETTE) for index, case in enumerate(plan.cases)},
@@ -267,7 +256,6 @@ def render(
         counts=counts(numbers),
         verdicts=[(verdict.status, verdict.text) for verdict in numbers.verdicts],
         verdict_meanings=verdict_meanings(numbers),
-        findings=findings,
         legend=[(status, meaning) for status, meaning in MEANINGS.items() if status in badges],
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), rendering.inline_svg(d)) for d in drawings],
         systems=system.systems(plan),

@@ -92,6 +92,20 @@ class Panel:
     """The axis of the colors of a heat map."""
 
 
+@dataclass(frozen=True)
+class Chart:
+    """A figure that no scenario declares; `name` is its file name without extension."""
+
+    name: str
+    title: str
+    kind: str
+    caption: str
+    panels: Sequence[Panel]
+    cases: Sequence[Case] | None = None
+    """Cases of this figure, which then has separate case switches; None for the cases of the page."""
+    separate: bool = False
+
+
 def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: bool = False) -> tuple[Array, Array]:
     """Reduce a line to the smallest and the largest value in each of `buckets` pieces, and both ends.
 

@@ -23,7 +23,7 @@ from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator
 from ..files import results
 from ..files.plan import Case, Figure
 from . import tables
-from .panels import Array, Line, Panel, decimate
+from .panels import Array, Chart, Line, Panel, decimate
 
 # Okabe and Ito's palette, whose colors color-blind readers can distinguish; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -97,26 +97,15 @@ STYLE = {
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure that no scenario declares; `name` is its file name without extension."""
-
-    name: str
-    title: str
-    kind: str
-    separate: bool = False
-    caption: None = None
-
-
-@dataclass(frozen=True)
 class Drawing:
     """A finished figure."""
 
-    figure: Figure | Picture
+    figure: Figure | Chart
     svg: str
     png: bytes
 
     @staticmethod
-    def of(figure: Figure | Picture, canvas: Canvas) -> Drawing:
+    def of(figure: Figure | Chart, canvas: Canvas) -> Drawing:
         """Save a canvas."""
         text, image = io.StringIO(), io.BytesIO()
         canvas.savefig(text, format="svg", dpi=CLOUD_DPI, metadata={"Date": None, "Title": figure.title})
@@ -154,16 +143,6 @@ def _title(ax: Axes, panel: Panel, room: int) -> None:
     ax.set_title(short, loc="left", color=INK)
     if panel.note:
         ax.set_title(panel.note, loc="right", color=MUTED, fontsize=9.0)
-
-
-def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]]:
-    down = -(-panels // across)
-    canvas = Canvas(figsize=(8.4, 0.65 + height * down), layout="constrained")
-    grid = canvas.subplots(down, across, squeeze=False)
-    axes: list[Axes] = list(grid.flat)
-    for ax in axes[panels:]:
-        ax.remove()
-    return canvas, axes[:panels]
 
 
 def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
@@ -204,74 +183,6 @@ def _lines(panel: Panel) -> list[Line]:
     """Return the lines that a picture shows: those of the first seed."""
     first = panel.lines[0].seed if panel.lines else None
     return [line for line in panel.lines if line.kind != "mean" and line.seed in (None, first)]
-
-
-class _Key:
-    """Entries of the legend, in the order of the cases."""
-
-    def __init__(self, cases: Sequence[Case]) -> None:
-        self._cases = cases
-        self._entries: dict[tuple[int, str], Line2D] = {}
-
-    def add(self, line: Line, title: str, **style: object) -> None:
-        place = -1 if line.case is None else self._cases.index(line.case)
-        order = len(self._cases) if line.kind == "reference" else place
-        self._entries.setdefault((order, title), Line2D([], [], label=title, **style))  # type: ignore[arg-type]
-
-    @property
-    def entries(self) -> list[Line2D]:
-        return [self._entries[key] for key in sorted(self._entries, key=lambda key: key[0])]
-
-
-def _draw_line(
-    ax: Axes,
-    cases: Sequence[Case],
-    figure: Figure | Picture,
-    line: Line,
-    x: Array,
-    y: Array,
-    is_widest: bool,
-    key: _Key,
-) -> None:
-    color = color_of(cases, line.case)
-    if line.kind == "reference":
-        # The line has the text color if the panel shows one case, otherwise the color of its case.
-        dashed = RIGHT_DASHES if line.right else (0, (3, 2))
-        ax.plot(*decimate(x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
-        title = f"{line.title} (right)" if line.right else line.title
-        if line.title:
-            key.add(line, title, color=INK, linewidth=1.2, linestyle=dashed)
-        return
-    is_curve = figure.kind == "xy"
-    x, y = decimate(x, y, is_curve=is_curve)
-    dashes = dashes_of(cases, line.case)
-    has_one_width = figure.kind in ("spectrum", "transfer")
-    width = 1.0 if has_one_width else 0.6 if is_noisy(y) and not is_curve else 2.0 if is_widest else 1.2
-    ax.plot(x, y, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
-    if not figure.separate:
-        title = line.title if line.case is None else line.case.title
-        key.add(line, title, color=color, linewidth=2.0, linestyle=dashes)
-
-
-def _draw_points(ax: Axes, cases: Sequence[Case], line: Line, y: Array, key: _Key) -> None:
-    """Draw points of a sweep with their spread, single runs, or the steps of a distribution."""
-    color = color_of(cases, line.case)
-    if line.apart or line.steps:
-        joined: dict[str, Any] = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
-        style: dict[str, Any] = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
-        every = slice(None, None, -(-len(line.x) // MOST_DRAWN) if line.apart else 1)
-        x, y = line.x[every], y[every]
-        opaque = max(LEAST_OPAQUE, min(0.9, OPAQUE / len(x)))
-        ax.plot(x, y, **style, **joined, alpha=opaque, rasterized=line.apart and len(x) > OPAQUE)
-        key.add(line, line.title, **style, linestyle="none" if line.apart else "solid", linewidth=1.5)
-        return
-    if line.kind == "paper":
-        style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2)), "linewidth": 1.1}
-        ax.plot(line.x, y, markersize=5.0, **style)
-        key.add(line, line.title, **style)
-        return
-    ax.errorbar(line.x, y, yerr=line.spread, color=color, marker="o", markersize=4.5, linewidth=1.5, capsize=3.0)
-    key.add(line, line.title, color=color, marker="o", linewidth=1.5)
 
 
 def borders(centers: Array, *, log: bool) -> Array:
@@ -332,54 +243,110 @@ def _scale(ax: Axes, panel: Panel) -> None:
         drawn.set_major_formatter(NUMBERS)
 
 
-def _draw_panel(
-    ax: Axes, cases: Sequence[Case], figure: Figure | Picture, panel: Panel, key: _Key, letters: int
-) -> None:
-    """Draw a panel. Titles of vertical axes wrap after `letters` characters."""
-    ax.set_ylabel(textwrap.fill(panel.y.label, letters))
-    if panel.kind == "heat":
-        _draw_cells(ax, panel)
+class _Pen:
+    """Draws the panels of a figure, and collects the entries of its legend, in the order of the cases."""
+
+    def __init__(self, cases: Sequence[Case], figure: Figure | Chart) -> None:
+        self._cases = cases
+        self._figure = figure
+        self._entries: dict[tuple[int, str], Line2D] = {}
+
+    def _add(self, line: Line, title: str, **style: object) -> None:
+        place = -1 if line.case is None else self._cases.index(line.case)
+        order = len(self._cases) if line.kind == "reference" else place
+        self._entries.setdefault((order, title), Line2D([], [], label=title, **style))  # type: ignore[arg-type]
+
+    @property
+    def entries(self) -> list[Line2D]:
+        return [self._entries[key] for key in sorted(self._entries, key=lambda key: key[0])]
+
+    def _line(self, ax: Axes, line: Line, x: Array, y: Array, is_widest: bool) -> None:
+        color = color_of(self._cases, line.case)
+        if line.kind == "reference":
+            # The line has the text color if the panel shows one case, otherwise the color of its case.
+            dashed = RIGHT_DASHES if line.right else (0, (3, 2))
+            ax.plot(*decimate(x, y), linewidth=0.9, color=INK if self._figure.separate else color, linestyle=dashed)
+            title = f"{line.title} (right)" if line.right else line.title
+            if line.title:
+                self._add(line, title, color=INK, linewidth=1.2, linestyle=dashed)
+            return
+        is_curve = self._figure.kind == "xy"
+        x, y = decimate(x, y, is_curve=is_curve)
+        dashes = dashes_of(self._cases, line.case)
+        has_one_width = self._figure.kind in ("spectrum", "transfer")
+        width = 1.0 if has_one_width else 0.6 if is_noisy(y) and not is_curve else 2.0 if is_widest else 1.2
+        ax.plot(x, y, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
+        if not self._figure.separate:
+            title = line.title if line.case is None else line.case.title
+            self._add(line, title, color=color, linewidth=2.0, linestyle=dashes)
+
+    def _points(self, ax: Axes, line: Line, y: Array) -> None:
+        """Draw points of a sweep with their spread, single runs, or the steps of a distribution."""
+        color = color_of(self._cases, line.case)
+        if line.apart or line.steps:
+            steps: dict[str, Any] = {"drawstyle": "steps-post", "linewidth": 1.5}
+            joined = {"linestyle": "none"} if line.apart else steps
+            style: dict[str, Any] = {"color": color, "marker": "x" if line.crosses else "o", "markersize": 4.5}
+            every = slice(None, None, -(-len(line.x) // MOST_DRAWN) if line.apart else 1)
+            x, y = line.x[every], y[every]
+            opaque = max(LEAST_OPAQUE, min(0.9, OPAQUE / len(x)))
+            ax.plot(x, y, **style, **joined, alpha=opaque, rasterized=line.apart and len(x) > OPAQUE)
+            self._add(line, line.title, **style, linestyle="none" if line.apart else "solid", linewidth=1.5)
+            return
+        if line.kind == "paper":
+            style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2))}
+            ax.plot(line.x, y, markersize=5.0, linewidth=1.1, **style)
+            self._add(line, line.title, linewidth=1.1, **style)
+            return
+        ax.errorbar(line.x, y, yerr=line.spread, color=color, marker="o", markersize=4.5, linewidth=1.5, capsize=3.0)
+        self._add(line, line.title, color=color, marker="o", linewidth=1.5)
+
+    def panel(self, ax: Axes, panel: Panel, letters: int) -> None:
+        """Draw a panel. Titles of vertical axes wrap after `letters` characters."""
+        ax.set_ylabel(textwrap.fill(panel.y.label, letters))
+        if panel.kind == "heat":
+            _draw_cells(ax, panel)
+            _scale(ax, panel)
+            return
+        across, unit = panel.x.units[0], panel.y.units[0]
+        shown = _lines(panel)
+        runs = [line for line in shown if line.kind == "run"]
+        beside = None if panel.right is None else _right_axis(ax, textwrap.fill(panel.right.label, letters))
+        # A panel with whole numbers only (states, switches) needs no ticks between them.
+        whole = self._figure.kind == "time" and not panel.levels
+        for line in shown:
+            own = panel.right.units[0] if line.right and panel.right is not None else unit
+            x, y = line.x * across.factor + across.offset, line.y * own.factor + own.offset
+            if line.marks:
+                self._points(ax, line, y)
+                continue
+            # The first line is the widest, so it remains visible under the other lines.
+            is_widest = self._figure.kind == "time" and line is runs[0] and len(runs) > 1
+            axes = beside if line.right and beside is not None else ax
+            self._line(axes, line, x, y, is_widest)
+            whole = whole and (line.kind == "reference" or bool(np.all(y == np.round(y))))
+        _levels(ax, panel)
+        if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
+            ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
         _scale(ax, panel)
-        return
-    across, unit = panel.x.units[0], panel.y.units[0]
-    shown = _lines(panel)
-    runs = [line for line in shown if line.kind == "run"]
-    beside = None if panel.right is None else _right_axis(ax, textwrap.fill(panel.right.label, letters))
-    # A panel with whole numbers only (states, switches) needs no ticks between them.
-    whole = figure.kind == "time" and not panel.levels
-    for line in shown:
-        own = panel.right.units[0] if line.right and panel.right is not None else unit
-        x, y = line.x * across.factor + across.offset, line.y * own.factor + own.offset
-        if line.marks:
-            _draw_points(ax, cases, line, y, key)
-            continue
-        # The first line is the widest, so it remains visible under the other lines.
-        is_widest = figure.kind == "time" and line is runs[0] and len(runs) > 1
-        axes = beside if line.right and beside is not None else ax
-        _draw_line(axes, cases, figure, line, x, y, is_widest, key)
-        whole = whole and (line.kind == "reference" or bool(np.all(y == np.round(y))))
-    _levels(ax, panel)
-    if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
-        ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
-    _scale(ax, panel)
-    if panel.x.range is not None:
-        ax.set_xlim(panel.x.range)
-    elif figure.kind in ("xy", "distribution", "scatter"):
-        ax.margins(x=0.06)
-    if panel.ticks:
-        ax.margins(x=0.06)
-        if len(panel.ticks) <= MOST_TICKS:
-            ax.set_xticks(panel.ticks)
-    low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
-    if panel.y.range is not None:
-        # Room for points at a share of 0 or 1.
-        room = 0.03 if panel.y.range == (0.0, 1.0) else 0.0
-        ax.set_ylim(panel.y.range[0] - room, panel.y.range[1] + room)
-    elif panel.y.zero and ax.has_data() and low < high:
-        room = 0.08 * (high - low)
-        ax.set_ylim(low - room if low < 0.0 else 0.0, high + room if high > 0.0 else 0.0)
-    if panel.kind == "map":
-        ax.set_aspect("equal", adjustable="datalim" if panel.x.range is None else "box")
+        if panel.x.range is not None:
+            ax.set_xlim(panel.x.range)
+        elif self._figure.kind in ("xy", "distribution", "scatter"):
+            ax.margins(x=0.06)
+        if panel.ticks:
+            ax.margins(x=0.06)
+            if len(panel.ticks) <= MOST_TICKS:
+                ax.set_xticks(panel.ticks)
+        low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
+        if panel.y.range is not None:
+            # Room for points at a share of 0 or 1.
+            room = 0.03 if panel.y.range == (0.0, 1.0) else 0.0
+            ax.set_ylim(panel.y.range[0] - room, panel.y.range[1] + room)
+        elif panel.y.zero and ax.has_data() and low < high:
+            room = 0.08 * (high - low)
+            ax.set_ylim(low - room if low < 0.0 else 0.0, high + room if high > 0.0 else 0.0)
+        if panel.kind == "map":
+            ax.set_aspect("equal", adjustable="datalim" if panel.x.range is None else "box")
 
 
 def _right_axis(ax: Axes, label: str) -> Axes:
@@ -400,9 +367,7 @@ def _shape(panel: Panel) -> float:
     return float(height / width) if width > 0.0 else 1.0
 
 
-def draw(
-    cases: Sequence[Case], figure: Figure | Picture, panels: Sequence[Panel], *, is_swept: bool = False
-) -> Drawing:
+def draw(cases: Sequence[Case], figure: Figure | Chart, panels: Sequence[Panel], *, is_swept: bool = False) -> Drawing:
     """Draw a figure with at least one panel. With `is_swept`, panels of the points of a sweep are side by side."""
     is_of_points = figure.kind in ("sweep", "heat_map", "distribution", "scatter", "xy")
     is_map = all(panel.kind == "map" for panel in panels)
@@ -415,15 +380,20 @@ def draw(
     elif figure.kind == "xy" and across == 1:
         height = 4.2
     with mpl.rc_context(STYLE):
-        canvas, axes = _canvas(len(panels), across, height)
-        key = _Key(cases)
+        down = -(-len(panels) // across)
+        canvas = Canvas(figsize=(8.4, 0.65 + height * down), layout="constrained")
+        grid: list[Axes] = list(canvas.subplots(down, across, squeeze=False).flat)
+        axes = grid[: len(panels)]
+        for ax in grid[len(panels) :]:
+            ax.remove()
+        pen = _Pen(cases, figure)
         for i, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
-            _draw_panel(ax, cases, figure, panel, key, int(LETTERS * height))
+            pen.panel(ax, panel, int(LETTERS * height))
             _title(ax, panel, 95 if across == 1 else 48)
             if is_of_points or i + across >= len(panels):
                 ax.set_xlabel(panel.x.label)
             elif figure.kind in ("time", "transfer"):
                 ax.tick_params(labelbottom=False)
         canvas.align_ylabels(axes)
-        _legend(canvas, key.entries, least=1 if figure.separate else 2)
+        _legend(canvas, pen.entries, least=1 if figure.separate else 2)
         return Drawing.of(figure, canvas)

@@ -5,22 +5,29 @@ Jinja escapes all text from scenarios and FMUs; only the SVG pictures of this pa
 
 from __future__ import annotations
 
+import importlib.metadata
+import platform
 import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import markupsafe
 
-from . import plots
+from ..files.plan import Case
+from . import page_data, plots
+from .panels import Chart
 
 # The style sheet is in the parent folder, because `cargo fmu linearize` uses it, too.
 HERE = Path(__file__).parent
 
 
 def render(template: str, **values: Any) -> str:
-    """Return the page of a template."""
+    """Return the page of a template. The values also contain the versions of the programs that make the page."""
+    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    versions = (("Chassis FMU", importlib.metadata.version("chassis-fmu")), ("Python", python))
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([HERE / "templates", HERE.parent]),
         autoescape=True,
@@ -28,7 +35,30 @@ def render(template: str, **values: Any) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    return environment.get_template(template).render(values)
+    return environment.get_template(template).render(values, versions=versions)
+
+
+class Drawings:
+    """The figures of a page that no scenario declares: pictures in a folder, and the data of interactive plots."""
+
+    def __init__(self, cases: Sequence[Case], folder: Path) -> None:
+        self._cases = cases
+        self._folder = folder
+        self._drawn: list[Chart] = []
+
+    def draw(self, chart: Chart) -> tuple[Chart, markupsafe.Markup]:
+        """Draw a figure and write its files; returns the figure and its picture for the page."""
+        made = plots.draw(chart.cases or self._cases, chart, chart.panels)
+        made.write(self._folder)
+        self._drawn.append(chart)
+        return chart, inline_svg(made)
+
+    @property
+    def interactive(self) -> page_data.Interactive:
+        """The interactive parts of all figures drawn so far."""
+        figures = [(chart.name, chart.panels) for chart in self._drawn]
+        own = {chart.name: chart.cases for chart in self._drawn if chart.cases}
+        return page_data.Interactive.of(page_data.render(self._cases, [], figures, own=own))
 
 
 def paragraphs(text: str) -> list[str]:

@@ -80,9 +80,8 @@ def _signal(connected: Connected) -> tuple[str, str]:
     output = source.output.variable if source.output else source.file
     text = CONVERSIONS.get(connected.type_change or "", "")
     if change is not None:
-        shift = (
-            f" {'−' if change.offset < 0.0 else '+'} {tables.scientific(abs(change.offset))}" if change.offset else ""
-        )
+        sign = "−" if change.offset < 0.0 else "+"
+        shift = f" {sign} {tables.scientific(abs(change.offset))}" if change.offset else ""
         text = f"× {tables.scientific(change.factor)}{shift}"
     return (name if output == name else f"{output} → {name}"), text
 

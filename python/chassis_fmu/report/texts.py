@@ -55,24 +55,12 @@ def _unit(item: Number, numbers: Numbers) -> str:
     return tables.pretty_unit(numbers.plan.metrics[item.metric].unit)
 
 
-def _percent(value: float, _digits: int | None) -> str:
-    return tables.signed(value).removesuffix(" %")
-
-
-def _size(value: float, _digits: int | None) -> str:
-    return tables.signed(value).removesuffix(" %").lstrip("+−")
-
-
 _FORMATS: dict[str, Callable[[float, int | None], str]] = {
-    "value": tables.number,
-    "number": tables.number,
-    "difference": tables.number,
+    **dict.fromkeys(("value", "number", "difference"), tables.number),
+    **dict.fromkeys(("change", "paper_change"), lambda value, _: tables.signed(value).removesuffix(" %")),
+    **dict.fromkeys(("by", "paper_by"), lambda value, _: tables.signed(value).removesuffix(" %").lstrip("+−")),
     "paper": lambda value, _: tables.scientific(value),
     "percent": lambda value, _: tables.number(100.0 * value, 0 if abs(value) >= 0.1 else 1),
-    "change": _percent,
-    "paper_change": _percent,
-    "by": _size,
-    "paper_by": _size,
     "ratio": lambda value, _: tables.scientific(value, 2),
 }
 

@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from .. import shell
 from ..files import results
 from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
@@ -25,7 +22,7 @@ from .charts import History, Recorded
 from .engines import Engine, Local, Nothing
 from .execute import WHOLE, Folder, Shard
 from .file import StudyError
-from .job import Done, Job
+from .job import Job
 from .statistics import Numbers
 
 # Exit code of a failed call; 1 means that a requirement is not met.
@@ -80,29 +77,6 @@ def _total(job: Job, shard: Shard) -> int:
     return count * len(job.cells)
 
 
-class _Bar(execute.Progress):
-    """A progress bar. Existing rows count as progress, but not for the rate."""
-
-    def __init__(self, bar: Any) -> None:
-        self._bar = bar
-        self._failed = 0
-
-    def begin(self, rows: Collection[Done]) -> None:
-        self._bar.initial = self._bar.n = self._bar.last_print_n = len(rows)
-        for done in rows:
-            self._count(done)
-        self._bar.refresh()
-
-    def add(self, done: Done) -> None:
-        self._count(done)
-        self._bar.update()
-
-    def _count(self, done: Done) -> None:
-        if done.status != "ok":
-            self._failed += 1
-            self._bar.set_postfix(failed=self._failed, refresh=False)
-
-
 def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
     """Return the samples and cells to record: as `[series]` requests, or the worst ones if they are fast."""
     series = job.study.series or file.Series(worst=WORST)
@@ -141,13 +115,8 @@ def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[R
         point = "" if run.point is None else f"_{run.point}"
         path = target / f"{number}_{run.case}{point}.parquet"
         known = [(c, v) for c, v in zip(job.plan.columns, columns, strict=True) if v is not None]
-        results.write_parquet(
-            path,
-            [c.name for c, _ in known],
-            [c.unit or "1" for c, _ in known],
-            times,
-            np.stack([v for _, v in known], axis=1),
-        )
+        recording = results.Recording(times, {c.name: v for c, v in known})
+        results.write_parquet(path, recording, {c.name: c.unit or "1" for c, _ in known})
         files.append(path.relative_to(folder).as_posix())
     return recorded, files
 
@@ -174,12 +143,12 @@ def _write(request: Request, job: Job, folder: Folder, shard: Shard) -> int:
             result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
         else:
             with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
-                result = execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
+                result = execute.run(job, folder, engine, shard, execute.Progress(bar), resume=resume)
         if shard != WHOLE:
             print(f"{folder.journal(shard)}\nwhen all shards are done, `{request.command} --merge` makes the tables")
             return 0
-        design.write(table.runs(job, result.values, result.rows), folder.runs)
-        design.write(table.timing(job, result.rows), folder.timing)
+        results.write_table(folder.runs, table.runs(job, result.values, result.rows))
+        results.write_table(folder.timing, table.timing(job, result.rows))
         numbers = Numbers(job, result.values, result.rows)
         page = folder.path / "index.html"
         if request.no_page:
@@ -216,4 +185,4 @@ def carry_out(request: Request) -> int:
 
 def main() -> int:
     """Execute the request on the standard input; returns the exit code."""
-    return carry_out(msgspec.json.decode(sys.stdin.buffer.read(), type=Request, dec_hook=shell.path))
+    return carry_out(msgspec.json.decode(sys.stdin.buffer.read(), type=Request, dec_hook=lambda of, value: of(value)))

@@ -7,6 +7,7 @@ the same content reuse it until the scheduler ends.
 from __future__ import annotations
 
 import atexit
+import functools
 import hashlib
 import io
 import os
@@ -16,7 +17,6 @@ import tempfile
 import threading
 import zipfile
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ import distributed
 
 from ..scenario import Scenario
 from .file import StudyError
-from .job import Job, Source
+from .job import Job
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -34,13 +34,12 @@ else:
 
 def archive(job: Job) -> bytes:
     """Return an archive of the scenario, its files and the FMUs; the same content always gives the same bytes."""
-    source = job.sources[0]
+    scenario = job.scenarios[0].file
     files = {f"fmus/{path.name}": path for path in job.fmu_files()}
-    top = source.file.parent
-    texts = scenario_files(source.file)
+    texts = scenario_files(scenario)
     for path in (*texts, *_data_files(job, texts)):
         # Files keep their relative positions, including files in parent folders.
-        files[(Path("scenario") / _relative(path, top)).as_posix()] = path
+        files[(Path("scenario") / _relative(path, scenario.parent)).as_posix()] = path
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as file:
         for name in sorted(files):
@@ -115,7 +114,7 @@ class _Opened:
                     file.extractall(folder)
                 self._folders[key] = folder
 
-    def scenario(self, key: str, source: Source, variant: int, timeout: float) -> Scenario:
+    def scenario(self, key: str, source: functools.partial[Scenario], variant: int, timeout: float) -> Scenario:
         """Return the scenario of a bundle, opened for this thread."""
         place = (threading.get_ident(), key, variant)
         with self._lock:
@@ -126,8 +125,7 @@ class _Opened:
         if folder is None:
             raise RuntimeError("this worker did not receive scenario and FMUs; its log contains the reason")
         deep = folder.joinpath("scenario", *(f"l{i}" for i in range(DEPTH)))
-        here = replace(source, file=deep / source.file.name, folders=(folder / "fmus",))
-        scenario = here.open()
+        scenario = Scenario(deep / source.args[0].name, **source.keywords | {"fmus": (folder / "fmus",)})
         scenario.start(1, timeout)
         with self._lock:
             self._scenarios[place] = scenario

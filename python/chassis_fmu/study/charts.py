@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from ..files.plan import Case, Conversion
 from ..report import tables
 from ..report.figures import brief, metric_axis
-from ..report.panels import Axis, Line, Panel, PanelKind, heat_maps
+from ..report.panels import Array, Axis, Line, Panel, PanelKind, heat_maps
 from .job import Limits
 from .statistics import Numbers
-
-Array = NDArray[np.floating[Any]]
 
 # Maximum number of points in a scatter plot and of steps in a distribution; more would only overlap.
 MOST_POINTS = 400
@@ -61,27 +59,25 @@ def cases(numbers: Numbers) -> list[Case]:
     return list({group.case.name: group.case for group in groups(numbers)}.values())
 
 
-def _points(numbers: Numbers) -> list[str | None]:
-    return list(dict.fromkeys(run.point for run in numbers.job.cells))
+def _at_points(numbers: Numbers) -> Iterator[tuple[str, list[Group]]]:
+    """Return the title and the groups of each point."""
+    for point in dict.fromkeys(run.point for run in numbers.job.cells):
+        yield numbers.job.plan.point_titles[point], [group for group in groups(numbers) if group.point == point]
 
 
-def _groups_at(numbers: Numbers, point: str | None) -> list[Group]:
-    return [group for group in groups(numbers) if group.point == point]
+def _numeric(numbers: Numbers) -> list[int]:
+    """Return the factors whose values are numbers."""
+    factors = enumerate(zip(numbers.job.study.vary, numbers.values, strict=True))
+    return [i for i, (of, values) in factors if of.distribution != "seed" and not isinstance(values[0], str | bool)]
 
 
 def distributions(numbers: Numbers, index: int) -> list[Panel]:
     """Return the cumulative distribution and histogram of a metric at each point, with its required limits."""
     job = numbers.job
     metric = job.plan.metrics[index]
-    limits = [
-        limit
-        for r in job.requirements
-        if r.metric == index and not r.of_change
-        for limit in (r.min, r.max)
-        if limit is not None
-    ]
+    wanted = [r for r in job.requirements if r.metric == index and not r.of_change]
     values = {i: numbers.of(index, i) for i in range(len(job.cells))}
-    return _distributions(numbers, metric.title, metric_axis(metric), values, limits)
+    return _distributions(numbers, metric.title, metric_axis(metric), values, wanted)
 
 
 def changes(numbers: Numbers, requirement: Limits) -> list[Panel]:
@@ -89,20 +85,20 @@ def changes(numbers: Numbers, requirement: Limits) -> list[Panel]:
     job = numbers.job
     title = f"{job.plan.metrics[requirement.metric].title}, change against the baseline"
     values = {i: numbers.changes(requirement, i) for i, run in enumerate(job.cells) if run.case in requirement.cases}
-    limits = [limit for limit in (requirement.min, requirement.max) if limit is not None]
-    return _distributions(numbers, title, Axis("Change against the baseline", (Conversion("%"),)), values, limits)
+    x = Axis("Change against the baseline", (Conversion("%"),))
+    return _distributions(numbers, title, x, values, [requirement])
 
 
 def _distributions(
-    numbers: Numbers, title: str, x: Axis, values: Mapping[int, Array], limits: Sequence[float]
+    numbers: Numbers, title: str, x: Axis, values: Mapping[int, Array], wanted: Sequence[Limits]
 ) -> list[Panel]:
+    limits = [limit for of in wanted for limit in (of.min, of.max) if limit is not None]
     found = []
-    for point in _points(numbers):
-        shown = [group for group in _groups_at(numbers, point) if group.cell in values]
+    for note, of_point in _at_points(numbers):
+        shown = [group for group in of_point if group.cell in values]
         known = [np.sort(v[np.isfinite(v)]) for v in (group.of(values[group.cell]) for group in shown)]
         if not any(v.size for v in known):
             continue
-        note = numbers.job.plan.point_titles[point]
         edges = _edges(np.concatenate(known))
         cumulative, histogram = [], []
         for group, v in zip(shown, known, strict=True):
@@ -114,10 +110,9 @@ def _distributions(
             histogram.append(Line("run", case.title, *_outline(v, edges), case))
         top = max(float(line.y.max()) for line in histogram)
         for name, panel_lines, height in (("cumulative", cumulative, 1.0), ("histogram", histogram, top)):
+            ends = np.array([0.0, height])
             marked = [
-                Line(
-                    "reference", f"limit {tables.scientific(limit)}", np.array([limit, limit]), np.array([0.0, height])
-                )
+                Line("reference", f"limit {tables.scientific(limit)}", np.array([limit, limit]), ends)
                 for limit in dict.fromkeys(limits)
             ]
             y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0) if name == "cumulative" else None)
@@ -154,8 +149,7 @@ def _outline(values: Array, edges: Array) -> tuple[Array, Array]:
 
 def over_factors(numbers: Numbers, index: int) -> list[Panel]:
     """Return a metric over each factor: a point for each sample, or the mean at each level of a factor."""
-    factors = [i for i in range(len(numbers.job.study.vary)) if _is_number(numbers, i)]
-    return [panel for at in factors for panel in _over_factor(numbers, index, at, means=True)]
+    return [panel for at in _numeric(numbers) for panel in _over_factor(numbers, index, at, means=True)]
 
 
 def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[Panel]:
@@ -164,13 +158,12 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
     x, of = _factor_axis(numbers, at), np.array(numbers.values[at], np.float64)
     has_means = means and bool(factor.levels)
     found = []
-    for point in _points(numbers):
+    for note, of_point in _at_points(numbers):
         lines: list[Line] = []
-        for group in _groups_at(numbers, point):
+        for group in of_point:
             make = _means if has_means else _cloud
             lines += filter(None, [make(of, group.of(numbers.of(index, group.cell)), group.case)])
         if lines:
-            note = job.plan.point_titles[point]
             kind: PanelKind = "function" if has_means else "curve"
             title = f"{metric.title} over {factor.name}"
             found.append(Panel(title, note, x, metric_axis(metric), tuple(lines), kind=kind))
@@ -186,24 +179,22 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
     if job.study.method != "sweep" or job.study.chosen_design != "full_factorial":
         return []
     metric = job.plan.metrics[index]
-    factors = [
-        i for i in range(len(job.study.vary)) if _is_number(numbers, i) and len(job.study.vary[i].levels or ()) > 2
-    ]
+    factors = [i for i in _numeric(numbers) if len(job.study.vary[i].levels or ()) > 2]
     found: list[Panel] = []
     for first, second in itertools.combinations(factors, 2):
         x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
         names = [job.study.vary[i].name for i in (first, second)]
         axes = (_factor_axis(numbers, first), _factor_axis(numbers, second), metric_axis(metric))
-        for point in _points(numbers):
+        for note, of_point in _at_points(numbers):
             maps = []
-            for group in _groups_at(numbers, point):
+            for group in of_point:
                 values, case = group.of(numbers.of(index, group.cell)), group.case
                 known = np.isfinite(values)
                 if not known.any():
                     continue
                 centers, at = np.unique(np.stack((x[known], y[known])), axis=1, return_inverse=True)
                 means = np.bincount(at.ravel(), weights=values[known]) / np.bincount(at.ravel())
-                notes = (case.title if len(cases(numbers)) > 1 else "", job.plan.point_titles[point])
+                notes = (case.title if len(cases(numbers)) > 1 else "", note)
                 maps.append((case, ", ".join(filter(None, notes)), (centers[0], centers[1], means)))
             found += heat_maps(f"{metric.title} over {names[0]} and {names[1]}", axes, maps)
     return found
@@ -211,21 +202,14 @@ def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
 
 def matrix(numbers: Numbers, shown: Sequence[int]) -> list[Panel]:
     """Return the scatter matrix of factors and metrics, with a point for each sample."""
-    job = numbers.job
-    factors = [i for i in range(len(job.study.vary)) if _is_number(numbers, i)]
-    pairs = list(itertools.combinations(factors, 2))
-    found = [panel for first, second in pairs for panel in _between_factors(numbers, first, second)]
+    factors = _numeric(numbers)
+    found = [_between_factors(numbers, *pair) for pair in itertools.combinations(factors, 2)]
     for index in shown:
         for at in factors:
             found += _over_factor(numbers, index, at, means=False)
     for first, second in itertools.combinations(shown, 2):
         found += trade_off(numbers, first, second)
     return found
-
-
-def _is_number(numbers: Numbers, factor: int) -> bool:
-    of = numbers.job.study.vary[factor]
-    return of.distribution != "seed" and not isinstance(numbers.values[factor][0], str | bool)
 
 
 def _factor_axis(numbers: Numbers, factor: int) -> Axis:
@@ -235,7 +219,7 @@ def _factor_axis(numbers: Numbers, factor: int) -> Axis:
     return Axis(of.name, (Conversion(unit),), log=is_log)
 
 
-def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
+def _between_factors(numbers: Numbers, first: int, second: int) -> Panel:
     """Return one factor over another, with the failed samples of each case marked."""
     job = numbers.job
     x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
@@ -251,7 +235,7 @@ def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
         lines.append(_cloud(x[rows], y[rows], case, title=f"{case.title}: failed"))
     names = [job.study.vary[i].name for i in (first, second)]
     axes = [_factor_axis(numbers, i) for i in (first, second)]
-    return [Panel(f"{names[1]} over {names[0]}", "", axes[0], axes[1], tuple(filter(None, lines)), kind="curve")]
+    return Panel(f"{names[1]} over {names[0]}", "", axes[0], axes[1], tuple(filter(None, lines)), kind="curve")
 
 
 def _cloud(x: Array, y: Array, case: Case | None, *, title: str | None = None) -> Line | None:
@@ -278,10 +262,10 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
     across, up = (job.plan.metrics[i] for i in (first, second))
     signs = [_better(numbers, i) for i in (first, second)]
     found = []
-    for point in _points(numbers):
+    for note, of_point in _at_points(numbers):
         lines: list[Line] = []
         everything = []
-        for group in _groups_at(numbers, point):
+        for group in of_point:
             x, y = (group.of(numbers.of(metric, group.cell)) for metric in (first, second))
             known = np.isfinite(x) & np.isfinite(y)
             if known.any():
@@ -291,7 +275,6 @@ def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
             continue
         front = pareto(np.concatenate(everything), signs)
         lines.append(Line("reference", "Pareto front", front[:, 0], front[:, 1]))
-        note = job.plan.point_titles[point]
         title = f"{up.title} over {across.title}"
         found.append(Panel(title, note, metric_axis(across), metric_axis(up), tuple(lines), kind="curve"))
     return found

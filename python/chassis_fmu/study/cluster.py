@@ -17,19 +17,19 @@ import concurrent.futures
 import contextlib
 import functools
 import hashlib
+import importlib.metadata
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from .. import shell
 from ..program import PACKAGE
 from ..scenario import Outcome, Recorded, Sample, Scenario, Value
 from .engines import Take
 from .file import StudyError, needed
-from .job import Done, Job, Source, Task
+from .job import Done, Job, Task
 
 # Intended duration of a batch (s), and its largest number of tasks.
 BATCH = 1.0
@@ -78,7 +78,7 @@ def identity() -> str:
     content = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         content.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
-    return f"{dict(shell.versions())['Chassis FMU']} ({content.hexdigest()[:12]})"
+    return f"{importlib.metadata.version('chassis-fmu')} ({content.hexdigest()[:12]})"
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Work:
 
     identity: str
     key: str
-    source: Source
+    source: functools.partial[Scenario]
     variant: int
     timeout: float
 
@@ -218,7 +218,7 @@ class Dask:
                 )
 
     def _work(self, variant: int) -> Work:
-        source = replace(self._job.sources[variant], folders=())
+        source = functools.partial(self._job.sources[variant], fmus=())
         return Work(identity(), self._bundle.key, source, variant, self._timeout)
 
     def _result(self, future: Any, *, suspicious: bool = False) -> Any:

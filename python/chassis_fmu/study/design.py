@@ -129,9 +129,8 @@ def _correlated(study: Study, of: Array) -> Array:
     return out
 
 
-def column(study: Study, name: str, of: list[Any]) -> tuple[pa.Field, pa.Array]:
+def column(factor: Factor, of: list[Any]) -> tuple[pa.Field, list[Any]]:
     """Return a column of a table with the values of a factor."""
-    factor = study.factor(name)
     first = of[0] if of else 0.0
     if isinstance(first, str):
         kind: pa.DataType = pa.string()
@@ -143,18 +142,19 @@ def column(study: Study, name: str, of: list[Any]) -> tuple[pa.Field, pa.Array]:
         kind, of = pa.float64(), [float(v) for v in of]
     unit = "1" if factor.unit is None else factor.unit
     metadata = {} if kind in (pa.string(), pa.bool_()) else {"unit": unit}
-    return pa.field(name, kind, metadata=metadata), pa.array(of, kind)
+    return pa.field(factor.name, kind, metadata=metadata), of
+
+
+def of_columns(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
+    """Return a table from fields and their values."""
+    schema = pa.schema([field for field, _ in columns])
+    return pa.table([pa.array(of, field.type) for field, of in columns], schema=schema)
 
 
 def table(study: Study, columns: list[list[Any]]) -> pa.Table:
     """Return the design as a table: `sample`, then a column for each factor."""
-    count = len(columns[0])
-    fields, arrays = [pa.field("sample", pa.int64())], [pa.array(range(count), pa.int64())]
-    for factor, of in zip(study.vary, columns, strict=True):
-        field, array = column(study, factor.name, of)
-        fields.append(field)
-        arrays.append(array)
-    return pa.table(arrays, schema=pa.schema(fields))
+    sample = pa.field("sample", pa.int64()), range(len(columns[0]))
+    return of_columns([sample, *(column(factor, of) for factor, of in zip(study.vary, columns, strict=True))])
 
 
 def key(study: Study) -> str:
@@ -172,7 +172,7 @@ def store(study: Study, path: Path) -> None:
         is_there = False
     if not is_there:
         found = table(study, values(study, shares(study)))
-        write(found.replace_schema_metadata({"study": key(study)}), path)
+        results.write_table(path, found.replace_schema_metadata({"study": key(study)}))
 
 
 def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
@@ -197,9 +197,3 @@ def check(study: Study, found: Sequence[Sequence[Any]], path: Path) -> None:
             f"{path} was sampled by another version of SALib or SciPy, so the indices would be wrong: continue with "
             "that version, or use --overwrite"
         )
-
-
-def write(found: pa.Table, path: Path) -> None:
-    """Write a table as Parquet; the same values give the same bytes."""
-    with results.replacing(path) as temporary:
-        pyarrow.parquet.write_table(found, temporary, compression="zstd")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..files import results
 from ..scenario import Value
 from . import design, search
 from .engines import Engine
@@ -19,13 +20,28 @@ from .journal import Journal, parse
 
 
 class Progress:
-    """Receives the progress of a study; this base class ignores it."""
+    """Shows the progress of a study in a bar of tqdm. Existing rows count as progress, but not for the rate."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar = bar
+        self._failed = 0
 
     def begin(self, rows: Collection[Done]) -> None:
         """Start with the existing rows, before the first run."""
+        self._bar.initial = self._bar.n = self._bar.last_print_n = len(rows)
+        for done in rows:
+            self._count(done)
+        self._bar.refresh()
 
     def add(self, done: Done) -> None:
         """Add a new row."""
+        self._count(done)
+        self._bar.update()
+
+    def _count(self, done: Done) -> None:
+        if done.status != "ok":
+            self._failed += 1
+            self._bar.set_postfix(failed=self._failed, refresh=False)
 
 
 @dataclass(frozen=True)
@@ -124,7 +140,8 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
         return [t for t in tasks if any((t.number, cell) not in journal.rows for cell in range(cells))]
 
     known = None if job.study.is_adaptive else designed(job, folder)
-    with Journal(folder.journal(shard), job.fingerprint(), known[1] if known else None, resume=resume) as journal:
+    journal = Journal(folder.journal(shard), job.fingerprint(), known[1] if known else None, resume=resume)
+    with contextlib.closing(journal):
         progress.begin(journal.rows.values())
 
         def take(done: Done) -> None:
@@ -141,7 +158,7 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
                 return [[journal.rows[t.number, cell] for cell in range(cells)] for t in tasks]
 
             values = search.run(job.study, job, evaluate)
-            design.write(design.table(job.study, values), folder.design)
+            results.write_table(folder.design, design.table(job.study, values))
             return Result(values, dict(journal.rows))
         values, _ = known
         names = [f.name for f in job.study.vary]

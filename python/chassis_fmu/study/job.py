@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import itertools
 import json
@@ -19,29 +20,6 @@ from ..files import plan
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
 from .factors import Factor
 from .file import Study
-
-
-@dataclass(frozen=True)
-class Source:
-    """Arguments to open a scenario; small, because they are sent to workers."""
-
-    file: Path
-    folders: tuple[Path, ...]
-    stop: float | None
-    step: float | None
-    replace: tuple[tuple[str, str], ...]
-    keep_parameters: bool
-
-    def open(self) -> Scenario:
-        """Open the scenario."""
-        return Scenario(
-            self.file,
-            fmus=self.folders,
-            stop=self.stop,
-            step=self.step,
-            replace=dict(self.replace),
-            keep_parameters=self.keep_parameters,
-        )
 
 
 @dataclass(frozen=True)
@@ -91,24 +69,24 @@ class Job:
     def __init__(self, study: Study, path: Path, folders: Sequence[Path]) -> None:
         self.study = study
         self.name = path.stem
-        scenario = (path.parent / study.scenario).resolve()
+        open_scenario = functools.partial(Scenario, (path.parent / study.scenario).resolve(), fmus=tuple(folders))
         factors = [f for f in study.vary if f.fmu is not None or f.is_step]
         choices = list(itertools.product(*(f.values or () for f in factors)))
         keep = any(f.keep_parameters for f in factors)
         self._factors = factors
+        # What opens the scenario of each variant; small, because workers of a cluster get it.
         self.sources = [
-            Source(
-                scenario,
-                tuple(folders),
-                study.stop,
-                next((float(value) for f, value in zip(factors, choice, strict=True) if f.is_step), None),
-                tuple((f.fmu, str(name)) for f, name in zip(factors, choice, strict=True) if f.fmu is not None),
-                keep,
+            functools.partial(
+                open_scenario,
+                stop=study.stop,
+                step=next((float(value) for f, value in zip(factors, choice, strict=True) if f.is_step), None),
+                replace={f.fmu: str(name) for f, name in zip(factors, choice, strict=True) if f.fmu is not None},
+                keep_parameters=keep,
             )
             for choice in choices
         ]
         self._choices: dict[tuple[Value, ...], int] = {choice: index for index, choice in enumerate(choices)}
-        self.scenarios = [source.open() for source in self.sources]
+        self.scenarios = [source() for source in self.sources]
         self.plan = self.scenarios[0].plan
         self.cells = self._cells()
         self.metrics = self._metrics()
@@ -243,7 +221,7 @@ class Job:
             for level in factor.levels or ()
             if isinstance(level, str)
         }
-        top = self.sources[0].file.parent
+        top = self.scenarios[0].file.parent
         return [
             f"{what} names the folder {text}: `--resume` does not detect changes in its files, and they are not sent "
             "to other machines; use Strings that name files"
@@ -262,7 +240,7 @@ class Job:
     def _levels(self) -> dict[str, Path]:
         """Return the files that levels of factors name; a relative path starts at the folder of the scenario."""
         levels = {str(level) for factor in self.study.vary for level in factor.levels or () if isinstance(level, str)}
-        files = {level: self.sources[0].file.parent / level for level in levels if level}
+        files = {level: self.scenarios[0].file.parent / level for level in levels if level}
         return {level: path for level, path in files.items() if _tells(path.is_file)}
 
     def fingerprint(self) -> str:

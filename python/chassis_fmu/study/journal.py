@@ -10,7 +10,6 @@ import json
 from collections.abc import Iterator
 from dataclasses import astuple
 from pathlib import Path
-from types import TracebackType
 from typing import IO
 
 from .file import StudyError
@@ -59,12 +58,8 @@ class Journal:
         self._file.write(json.dumps(astuple(done)) + "\n")
         self._file.flush()
 
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 

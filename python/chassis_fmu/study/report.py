@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import _native, shell
+from .. import _native
 from ..files.describe import sha256
 from ..files.plan import Metric
 from ..report import index, rendering, tables, texts
-from ..report.charts import Chart, Drawings
-from ..report.plots import Picture
+from ..report.panels import Chart
 from . import charts, design, search, statistics
 from .charts import Recorded
 from .file import Study
@@ -118,7 +117,7 @@ def _left_out(study: Study, of: Sensitivities) -> str:
     return f"{text}." if of.effects else f"{text}; too few are left for indices."
 
 
-def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> Iterator[dict[str, Any]]:
+def _changes(numbers: Numbers, metric: int, drawings: rendering.Drawings) -> Iterator[dict[str, Any]]:
     """Return the changes against the baseline for requirements of a metric."""
     job = numbers.job
     for requirement in job.requirements:
@@ -131,9 +130,9 @@ def _changes(numbers: Numbers, metric: int, drawings: Drawings) -> Iterator[dict
                 rows.append((job.place(cell), Distribution.of(numbers.changes(requirement, cell)), done))
         of_metric = job.plan.metrics[metric]
         panels = charts.changes(numbers, requirement)
-        own = Picture(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy")
         caption = "Change against the baseline of the case in the same sample. Dashed: the limits of the requirement."
-        yield {"rows": rows, "drawing": drawings.draw(Chart(own, caption, panels)) if panels else None}
+        chart = Chart(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy", caption, panels)
+        yield {"rows": rows, "drawing": drawings.draw(chart) if panels else None}
 
 
 def _charts(numbers: Numbers, metric: int) -> list[Chart]:
@@ -143,17 +142,23 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     is_short = numbers.job.study.method == "sweep" and numbers.count < 20
     found = [
         Chart(
-            Picture(f"{name}_distribution", f"{title}: distribution", "xy"),
+            f"{name}_distribution",
+            f"{title}: distribution",
+            "xy",
             "A curve that ends below 1 includes runs without a value.",
             [] if is_short else charts.distributions(numbers, metric),
         ),
         Chart(
-            Picture(f"{name}_factors", f"{title} over the factors", "scatter"),
+            f"{name}_factors",
+            f"{title} over the factors",
+            "scatter",
             f"A point for each run{'; for factors with few values, means over all others' if has_means else ''}.",
             charts.over_factors(numbers, metric),
         ),
         Chart(
-            Picture(f"{name}_map", f"{title} over two factors", "heat_map"),
+            f"{name}_map",
+            f"{title} over two factors",
+            "heat_map",
             "Means over all other factors. All cases have the same color scale.",
             charts.over_two_factors(numbers, metric),
         ),
@@ -163,12 +168,11 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
 
 def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
     panels = charts.matrix(numbers, shown)
-    own = Picture("scatter_matrix", "Scatter matrix", "scatter")
     caption = (
         f"Every pair of factors and metrics, with a point for each run (at most {charts.MOST_POINTS} per case). "
         "Dashed, between metrics: the Pareto front, the runs of all cases that no other run beats in both metrics."
     )
-    return Chart(own, caption, panels) if panels else None
+    return Chart("scatter_matrix", "Scatter matrix", "scatter", caption, panels) if panels else None
 
 
 def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
@@ -185,7 +189,7 @@ def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
     return [int(n) for n in known[order]]
 
 
-def _section(numbers: Numbers, metric: int, drawings: Drawings, is_shown: bool) -> dict[str, Any]:
+def _section(numbers: Numbers, metric: int, drawings: rendering.Drawings, is_shown: bool) -> dict[str, Any]:
     """Return the section of a metric, with figures and effects if `is_shown`."""
     job = numbers.job
     of = job.plan.metrics[metric]
@@ -216,7 +220,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fol
     """Return the page, and write its figures beside it."""
     job = numbers.job
     shown = shown_metrics(numbers)
-    drawings = Drawings(charts.cases(numbers), folder / "figures")
+    drawings = rendering.Drawings(charts.cases(numbers), folder / "figures")
     metrics = dict.fromkeys([*_wanted(numbers), *job.metrics])
     sections = [_section(numbers, metric, drawings, metric in shown) for metric in metrics]
     matrix = _scatter_matrix(numbers, shown)
@@ -225,10 +229,10 @@ def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fol
         of_runs = charts.history_cases(numbers, recorded)
         columns = list(dict.fromkeys(_columns(job.plan.metrics, series_metric(numbers))))
         panels = list(charts.histories(numbers, columns, recorded, of_runs))
-        own = Picture("histories", "Signals of the chosen runs", "time")
         drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
         caption = f"The runs whose signals were recorded: the worst ones{drawn_runs}."
-        history = Chart(own, caption, panels, list(of_runs.values())) if panels else None
+        title, runs = "Signals of the chosen runs", list(of_runs.values())
+        history = Chart("histories", title, "time", caption, panels, runs) if panels else None
     return rendering.render(
         "study.html.j2",
         study=job.study,
@@ -253,7 +257,6 @@ def render(numbers: Numbers, recorded: Recorded, context: Mapping[str, Any], fol
         confidence=100 * statistics.CONFIDENCE,
         interactive=drawings.interactive,
         **context,
-        versions=shell.versions(),
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
         title_of=job.plan.place,
         definition=texts.definition,

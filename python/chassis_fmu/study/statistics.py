@@ -79,8 +79,7 @@ class Numbers:
         """Return the values of a metric in a cell, one for each sample; NaN where there is none."""
         at = self.job.metrics.index(metric)
         rows = [self.rows.get((number, cell)) for number in range(self.count)]
-        found = [row.numbers[at] if row and row.numbers else None for row in rows]
-        return np.array([math.nan if value is None else value for value in found])
+        return np.array([row.numbers[at] if row and row.numbers else None for row in rows], np.float64)
 
     def shares(self) -> list[Share]:
         """Return the share of the runs that meet each requirement, by case and point."""
@@ -96,8 +95,7 @@ class Numbers:
 
     def changes(self, limits: Limits, cell: int) -> Array:
         """Return the values of a cell that `limits` apply to, one for each sample; NaN where there is none."""
-        found = [self.job.judged(limits, self.rows, number, cell) for number in range(self.count)]
-        return np.array([math.nan if value is None else value for value in found])
+        return np.array([self.job.judged(limits, self.rows, number, cell) for number in range(self.count)], np.float64)
 
 
 @dataclass(frozen=True)

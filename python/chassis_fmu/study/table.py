@@ -21,7 +21,7 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
     cells = [job.cells[cell] for _, cell in keys]
     columns = [*_places(job, rows), (pa.field("seed", pa.int64()), [cell.seed for cell in cells])]
     columns += [
-        design.column(job.study, factor.name, [of[number] for number, _ in keys])
+        design.column(factor, [of[number] for number, _ in keys])
         for factor, of in zip(job.study.vary, values, strict=True)
     ]
     for at, index in enumerate(job.metrics):
@@ -39,13 +39,15 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
         is_time = name == "time"
         field = pa.field(name, pa.float64() if is_time else pa.string(), metadata={"unit": "s"} if is_time else None)
         columns.append((field, [getattr(row, name) for row in done]))
-    return _table(columns)
+    return design.of_columns(columns)
 
 
 def timing(job: Job, rows: Rows) -> pa.Table:
     """Return the duration of each run (s), in a separate table because it differs between executions."""
     seconds = [rows[key].seconds for key in sorted(rows)]
-    return _table([*_places(job, rows), (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), seconds)])
+    return design.of_columns(
+        [*_places(job, rows), (pa.field("seconds", pa.float64(), metadata={"unit": "s"}), seconds)]
+    )
 
 
 def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
@@ -54,8 +56,3 @@ def _places(job: Job, rows: Rows) -> list[tuple[pa.Field, Any]]:
         (pa.field("case", pa.string()), [job.cells[cell].case for _, cell in sorted(rows)]),
         (pa.field("point", pa.string()), [job.cells[cell].point for _, cell in sorted(rows)]),
     ]
-
-
-def _table(columns: Sequence[tuple[pa.Field, Any]]) -> pa.Table:
-    schema = pa.schema([field for field, _ in columns])
-    return pa.table([pa.array(of, field.type) for field, of in columns], schema=schema)
