@@ -100,6 +100,16 @@ class Recordings:
         mean = np.mean(own, axis=0)
         return (mean[0], *metrics.transfer(mean))
 
+    def shown(self, figure: Figure, cases: Sequence[Case], point: str | None, *names: str) -> Iterator[_Shown]:
+        """Return the runs of the first seed that have all signals in `names` and a row in the window of a figure."""
+        for case in cases:
+            recording = self.first.get((case.name, point))
+            if recording is not None and recording.values.keys() >= set(names):
+                rows = metrics.window(recording.times, figure.window, self._plan.simulation.step)
+                if rows.start < rows.stop:
+                    run = self._plan.run(case.name, point, self._plan.seed_values[0])
+                    yield _Shown(case, run, recording, rows)
+
     def others(self, figure: Figure, column: int, case: Case, point: str | None) -> Iterator[Line]:
         """Lines of a signal beyond the first seed: the mean with its spread, and the other seeds."""
         seeds = self._seeds.get((figure.name, column, case.name, point))
@@ -192,26 +202,6 @@ class _Shown:
         return Line(kind, title, times, values, self.case, self.run.seed, run=stem, signal=name, right=right)
 
 
-def _shown_runs(
-    plan: Plan,
-    figure: Figure,
-    recordings: Recordings,
-    cases: Sequence[Case],
-    point: str | None,
-    *names: str,
-) -> list[_Shown]:
-    """Return the runs of the first seed that have all signals in `names` and a row in the window of a figure."""
-    found = []
-    for case in cases:
-        recording = recordings.first.get((case.name, point))
-        if recording is None or not all(name in recording.values for name in names):
-            continue
-        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
-        if rows.start < rows.stop:
-            found.append(_Shown(case, plan.run(case.name, point, plan.seed_values[0]), recording, rows))
-    return found
-
-
 def _at_points(plan: Plan, indices: Sequence[int]) -> Iterator[tuple[int, str | None, str]]:
     """Return each index at each point, with the title of the point."""
     for index, point in itertools.product(indices, plan.point_names):
@@ -245,7 +235,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
         for together in [[c] for c in cases] if figure.separate else [cases]:
             for point in plan.point_names:
                 lines: list[Line] = []
-                for shown in _shown_runs(plan, figure, recordings, together, point, column.name):
+                for shown in recordings.shown(figure, together, point, column.name):
                     lines.append(shown.line("run", _title_of(plan, shown.case), column))
                     for other, is_right in beside:
                         if other.name in shown.recording.values:
@@ -271,7 +261,7 @@ def _xy(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
         column = plan.columns[index]
         y = Axis(brief(column), _units(column, figure))
         lines = []
-        for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
+        for shown in recordings.shown(figure, _cases(plan, figure), point, column.name, over.name):
             across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
             times = shown.recording.times[shown.rows]
             line = Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times)

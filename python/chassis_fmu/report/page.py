@@ -11,7 +11,7 @@ import msgspec
 
 from ..evaluation.grading import MEANINGS, Status
 from ..evaluation.results_table import Numbers, Row
-from ..files.describe import Description, Variable, describe, sha256
+from ..files.describe import Variable, describe, sha256
 from ..files.plan import Bytes, Component, Plan, Run, Setting, Value
 from . import page_data, plots, rendering, system, tables, texts
 
@@ -149,11 +149,10 @@ def components(plan: Plan) -> list[dict[str, Any]]:
         for component in run.components:
             found.setdefault((component.name, component.fmu), []).append((run, component))
     order = {name: i for i, name in enumerate(order_of(runs))}
-    descriptions: dict[Path, Description] = {}
     given = {(r.id, u.name, s.name): s.value for r in plan.runs for u in r.components for s in u.parameters}
     sections = []
     for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):
-        text = descriptions.setdefault(fmu, describe(fmu))
+        text = describe(fmu)
         inside = {run.case for run, _ in places}
         parameters = []
         # Runs that do not set a parameter use its default.
