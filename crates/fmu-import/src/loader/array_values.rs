@@ -1,7 +1,6 @@
 //! Storage for FMI 3.0 values for which FMI 2.0 has no function.
 
 use crate::c_api::Reference;
-use crate::c_api::v3::RawBoolean;
 use crate::description::Value;
 use std::collections::HashMap;
 
@@ -11,7 +10,6 @@ pub(super) struct Whole {
     pub(super) reals: Part<f64>,
     /// Includes Booleans, whose C type is the same in FMI 2.0.
     pub(super) integers: Part<i32>,
-    pub(super) wide: Part<i64>,
     pub(super) exact: Part<i128>,
     pub(super) texts: HashMap<Reference, Vec<String>>,
     pub(super) binaries: HashMap<Reference, Vec<Vec<u8>>>,
@@ -50,14 +48,6 @@ impl Kept for i32 {
         }
     }
 }
-impl Kept for i64 {
-    fn part(whole: &mut Whole) -> &mut Part<Self> {
-        &mut whole.wide
-    }
-    fn of(start: &Value) -> Option<Self> {
-        if let Value::Integer(value) = start { Some(*value) } else { None }
-    }
-}
 impl Kept for i128 {
     fn part(whole: &mut Whole) -> &mut Part<Self> {
         &mut whole.exact
@@ -70,14 +60,13 @@ impl Kept for i128 {
 /// Memory for type conversions. It is reused, so only the first transfer of an array allocates.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
-    pub(super) bytes: Vec<RawBoolean>,
-    pub(super) bools: Vec<bool>,
     /// Binaries of an entire array.
     pub(super) binaries: Vec<Vec<u8>>,
     /// Sizes of Binaries.
     pub(super) sizes: Vec<usize>,
     /// Bytes of Binaries, valid only in the call that reads them.
     pub(super) pointers: Vec<*const u8>,
+    bool: Vec<bool>,
     f32: Vec<f32>,
     i8: Vec<i8>,
     u8: Vec<u8>,
@@ -102,4 +91,4 @@ macro_rules! buffered {
         }
     )*};
 }
-buffered!(f32 i8 u8 i16 u16 i32 u32 i64 u64);
+buffered!(bool f32 i8 u8 i16 u16 i32 u32 i64 u64);

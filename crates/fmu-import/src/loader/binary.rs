@@ -57,13 +57,11 @@ impl Instance {
         result
     }
 
-    fn read_elements(&mut self, refs: &[Reference], values: &mut [Vec<u8>]) -> Result<(), CallError> {
+    fn read_elements(&mut self, refs: &[Reference], mut values: &mut [Vec<u8>]) -> Result<(), CallError> {
         let mut array = mem::take(&mut self.buffers.binaries);
-        let mut rest = values;
         let mut result = Ok(());
         for reference in refs {
-            let (own, others) = mem::take(&mut rest).split_at_mut(self.elements(&[*reference]));
-            rest = others;
+            let own = values.split_off_mut(..self.elements(&[*reference])).unwrap_or_default();
             let read = match self.signature().element(*reference) {
                 None => self.read_binary(&[*reference], own),
                 Some((element, size)) => {

@@ -12,6 +12,7 @@ use super::calls::Function;
 use super::error::{CallError, CallProblem};
 use super::instance::Instance;
 use super::model_exchange::EventUpdate;
+use super::special::OTHER_TYPE;
 use crate::c_api::Reference;
 use crate::c_api::v3::RawBoolean;
 use crate::description::{Interface, IntervalVariability as Kind, Value};
@@ -34,8 +35,6 @@ const MARK: &[u8; 8] = b"\0clocks\n";
 
 const BROKEN: CallProblem =
     CallProblem::Arguments("an event has failed before; restore a saved state, or reset the instance");
-const WRONG_NUMBER: CallProblem = CallProblem::Arguments("the number of values must equal the number of elements");
-const WRONG_TYPE: CallProblem = CallProblem::Arguments("the variable has another type");
 const WRONG_INTERVAL: CallProblem = CallProblem::Arguments(
     "the FMU returned an interval that is not a finite number, or not above 0 for a periodic clock",
 );
@@ -230,21 +229,19 @@ impl Instance {
     pub(super) fn get_held<T>(
         &mut self,
         refs: &[Reference],
-        values: &mut [T],
+        mut values: &mut [T],
         of: impl Fn(&Value) -> Option<T>,
         get: impl Fn(&mut Self, &[Reference], &mut [T]) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
-        self.check_held(refs, values.len())?;
-        let mut rest = values;
+        self.check_elements(Function::GetReal, refs, values.len())?;
         for reference in refs {
-            let (own, others) = rest.split_at_mut(self.elements(&[*reference]));
-            rest = others;
+            let own = values.split_off_mut(..self.elements(&[*reference])).unwrap_or_default();
             let Some(held) = self.clocks.as_ref().and_then(|clocks| clocks.held.get(reference)) else {
                 get(self, &[*reference], own)?;
                 continue;
             };
             for (own, value) in own.iter_mut().zip(held) {
-                let Some(value) = of(&value.value()) else { return Err(self.failure(Function::GetReal, WRONG_TYPE)) };
+                let Some(value) = of(&value.value()) else { return Err(self.failure(Function::GetReal, OTHER_TYPE)) };
                 *own = value;
             }
         }
@@ -255,22 +252,20 @@ impl Instance {
     pub(super) fn set_held<T>(
         &mut self,
         refs: &[Reference],
-        values: &[T],
+        mut values: &[T],
         to: impl Fn(&T) -> Option<Value>,
         set: impl Fn(&mut Self, &[Reference], &[T]) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
-        self.check_held(refs, values.len())?;
-        let mut rest = values;
+        self.check_elements(Function::GetReal, refs, values.len())?;
         for reference in refs {
-            let (own, others) = rest.split_at(self.elements(&[*reference]));
-            rest = others;
+            let own = values.split_off(..self.elements(&[*reference])).unwrap_or_default();
             match &mut self.clocks {
                 Some(clocks) if clocks.held.contains_key(reference) => {
                     let values: Vec<Value> = own.iter().filter_map(&to).collect();
                     let old = &clocks.held[reference];
                     let is_same = |(new, old): (&Value, &Held)| new.base_type() == old.value().base_type();
                     if values.len() != old.len() || !values.iter().zip(old).all(is_same) {
-                        return Err(self.failure(Function::SetReal, WRONG_TYPE));
+                        return Err(self.failure(Function::SetReal, OTHER_TYPE));
                     }
                     clocks.held.insert(*reference, values.into_iter().map(Held::of).collect());
                     if !clocks.pending.contains(reference) {
@@ -281,10 +276,6 @@ impl Instance {
             }
         }
         Ok(())
-    }
-
-    fn check_held(&mut self, refs: &[Reference], values: usize) -> Result<(), CallError> {
-        if self.elements(refs) == values { Ok(()) } else { Err(self.failure(Function::GetReal, WRONG_NUMBER)) }
     }
 
     /// In Initialization Mode: asks for intervals and shifts, and reads the clocked variables.

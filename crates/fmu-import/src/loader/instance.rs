@@ -42,7 +42,7 @@ impl Default for StepEnd {
 /// An instance, freed when dropped.
 ///
 /// Methods are named after the C functions of FMI 2.0 and also work with FMI 3.0. Getting and setting numbers and
-/// stepping do not allocate, unless they fail or transfer a larger FMI 3.0 array than before.
+/// stepping do not allocate, unless they fail or transfer more FMI 3.0 values of a type than before.
 ///
 /// # Errors
 /// Each method returns an error if the status is above `fmi2Warning`, or if the FMU does not have the function for this

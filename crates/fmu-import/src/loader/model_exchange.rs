@@ -132,15 +132,8 @@ impl Instance {
                 Functions::V2(f) => Some(f.new_discrete_states?(c, &raw mut info)),
                 Functions::V3(f) => {
                     let [needed, terminate, nominals, states, defined] = &mut flags;
-                    Some(f.update_discrete_states.or(f.update_event)?(
-                        c,
-                        needed,
-                        terminate,
-                        nominals,
-                        states,
-                        defined,
-                        &raw mut time,
-                    ))
+                    let update = f.update_discrete_states.or(f.update_event)?;
+                    Some(update(c, needed, terminate, nominals, states, defined, &raw mut time))
                 }
             }
         })?;

@@ -1,25 +1,23 @@
 //! FMI 3.0 values that the plain getters and setters cannot transfer: arrays, and types without a C type in FMI 2.0.
 //!
-//! Each call to the FMU transfers one of these variables. Scalars are converted on the stack. An array element
+//! Each call to the FMU transfers one of these variables. An array element
 //! ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements)) is read and written
 //! together with its entire array.
 
 use super::array_values::{Buffered, Kept, Whole};
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
-use super::functions::{Functions, v3};
+use super::functions::{Functions, v2, v3};
 use super::instance::Instance;
-use crate::c_api::v3::{Get, RawBoolean, Set};
+use crate::c_api::v3::{Get, Set};
 use crate::c_api::{self, Reference};
 use crate::description::{BaseType, DataType, FmiVersion, Value};
 use crate::signature::Special;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Number of Booleans that are converted at once, on the stack.
-const CHUNK: usize = 64;
 const OTHER_NUMBER: CallProblem = CallProblem::Arguments("the number of values must equal the number of elements");
-const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable has another type");
+pub(super) const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable has another type");
 pub(super) const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the type of the variable");
 
 impl Instance {
@@ -43,14 +41,12 @@ impl Instance {
     pub(super) fn get_elements<T: Kept>(
         &mut self,
         refs: &[Reference],
-        values: &mut [T],
+        mut values: &mut [T],
         get: impl Fn(&mut Self, &[Reference], &mut [T]) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
         self.check_elements(Function::GetReal, refs, values.len())?;
-        let mut rest = values;
         for refs in self.by_array(refs) {
-            let (own, others) = rest.split_at_mut(self.elements(refs));
-            rest = others;
+            let own = values.split_off_mut(..self.elements(refs)).unwrap_or_default();
             let Some((first, size)) = self.signature().element(refs[0]) else {
                 get(self, refs, own)?;
                 continue;
@@ -70,15 +66,13 @@ impl Instance {
     pub(super) fn set_elements<T: Kept>(
         &mut self,
         refs: &[Reference],
-        values: &[T],
+        mut values: &[T],
         get: impl Fn(&mut Self, &[Reference], &mut [T]) -> Result<(), CallError>,
         set: impl Fn(&mut Self, &[Reference], &[T]) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
         self.check_elements(Function::SetReal, refs, values.len())?;
-        let mut rest = values;
         for refs in self.by_array(refs) {
-            let (own, others) = rest.split_at(self.elements(refs));
-            rest = others;
+            let own = values.split_off(..self.elements(refs)).unwrap_or_default();
             let Some((first, size)) = self.signature().element(refs[0]) else {
                 set(self, refs, own)?;
                 continue;
@@ -109,17 +103,15 @@ impl Instance {
     pub(super) fn set_list_elements<V: Clone>(
         &mut self,
         refs: &[Reference],
-        values: &[V],
+        mut values: &[V],
         given: impl Fn(&mut Whole) -> &mut HashMap<Reference, Vec<V>>,
         of: impl Fn(&Value) -> Option<V>,
         get: impl Fn(&mut Self, &[Reference]) -> Result<Vec<V>, CallError>,
         set: impl Fn(&mut Self, &[Reference], &[V]) -> Result<(), CallError>,
     ) -> Result<(), CallError> {
         self.check_elements(Function::SetString, refs, values.len())?;
-        let mut rest = values;
         for reference in refs {
-            let (own, others) = rest.split_at(self.elements(&[*reference]));
-            rest = others;
+            let own = values.split_off(..self.elements(&[*reference])).unwrap_or_default();
             let Some((element, size)) = self.signature().element(*reference) else {
                 set(self, &[*reference], own)?;
                 continue;
@@ -192,45 +184,35 @@ impl Instance {
         self.signature().special(reference).unwrap_or(Special { data_type: plain, size: 1, element: None })
     }
 
-    pub(super) fn get_special_reals(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
+    pub(super) fn get_special_reals(&mut self, refs: &[Reference], mut values: &mut [f64]) -> Result<(), CallError> {
         self.check_elements(Function::GetReal, refs, values.len())?;
-        let mut rest = values;
         for &reference in refs {
             let Special { data_type, size, .. } = self.special(reference, DataType::Float64);
-            let (own, others) = rest.split_at_mut(size);
-            rest = others;
+            let own = values.split_off_mut(..size).unwrap_or_default();
             match data_type {
-                // SAFETY: live instance; both arrays have the stated length.
-                DataType::Float64 => self.call_v3(Function::GetReal, |f, c| unsafe {
-                    Some((f.get_float64)(c, &raw const reference, 1, own.as_mut_ptr(), own.len()))
-                })?,
+                DataType::Float64 => self.get_array(reference, own),
                 DataType::Float32 => {
-                    self.get_as(Function::GetFloat32, reference, own, |f| f.get_float32, |v: f32| Ok(f64::from(v)))?;
+                    self.get_as(Function::GetFloat32, &[reference], own, |f| f.get_float32, |v: f32| Ok(v.into()))
                 }
-                _ => return Err(self.failure(Function::GetReal, OTHER_TYPE)),
-            }
+                _ => Err(self.failure(Function::GetReal, OTHER_TYPE)),
+            }?;
         }
         Ok(())
     }
 
-    pub(super) fn set_special_reals(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
+    pub(super) fn set_special_reals(&mut self, refs: &[Reference], mut values: &[f64]) -> Result<(), CallError> {
         self.check_elements(Function::SetReal, refs, values.len())?;
-        let mut rest = values;
         for &reference in refs {
             let Special { data_type, size, .. } = self.special(reference, DataType::Float64);
-            let (own, others) = rest.split_at(size);
-            rest = others;
+            let own = values.split_off(..size).unwrap_or_default();
             match data_type {
-                // SAFETY: live instance; both arrays have the stated length.
-                DataType::Float64 => self.call_v3(Function::SetReal, |f, c| unsafe {
-                    Some((f.set_float64)(c, &raw const reference, 1, own.as_ptr(), own.len()))
-                })?,
+                DataType::Float64 => self.set_array(reference, own),
                 DataType::Float32 => {
                     let narrow = |value: f64| Some(value as f32).filter(|v| v.is_finite() == value.is_finite());
-                    self.set_as(Function::SetFloat32, reference, own, |f| f.set_float32, narrow)?;
+                    self.set_as(Function::SetFloat32, &[reference], own, |f| f.set_float32, narrow)
                 }
-                _ => return Err(self.failure(Function::SetReal, OTHER_TYPE)),
-            }
+                _ => Err(self.failure(Function::SetReal, OTHER_TYPE)),
+            }?;
         }
         Ok(())
     }
@@ -238,15 +220,13 @@ impl Instance {
     pub(super) fn get_special_integers<T: WholeNumber>(
         &mut self,
         refs: &[Reference],
-        values: &mut [T],
+        mut values: &mut [T],
     ) -> Result<(), CallError> {
         use Function as F;
         self.check_elements(F::GetInteger, refs, values.len())?;
-        let mut rest = values;
         for &reference in refs {
             let Special { data_type, size, .. } = self.special(reference, DataType::Int32);
-            let (own, others) = rest.split_at_mut(size);
-            rest = others;
+            let own = values.split_off_mut(..size).unwrap_or_default();
             match data_type {
                 DataType::Int32 => self.get_whole_as(F::GetInteger, reference, own, |f| Some(f.get_int32)),
                 DataType::Int8 => self.get_whole_as(F::GetInt8, reference, own, |f| f.get_int8),
@@ -267,15 +247,13 @@ impl Instance {
     pub(super) fn set_special_integers<T: WholeNumber>(
         &mut self,
         refs: &[Reference],
-        values: &[T],
+        mut values: &[T],
     ) -> Result<(), CallError> {
         use Function as F;
         self.check_elements(F::SetInteger, refs, values.len())?;
-        let mut rest = values;
         for &reference in refs {
             let Special { data_type, size, .. } = self.special(reference, DataType::Int32);
-            let (own, others) = rest.split_at(size);
-            rest = others;
+            let own = values.split_off(..size).unwrap_or_default();
             match data_type {
                 DataType::Int32 => self.set_whole_as(F::SetInteger, reference, own, |f| Some(f.set_int32)),
                 DataType::Int8 => self.set_whole_as(F::SetInt8, reference, own, |f| f.set_int8),
@@ -300,7 +278,7 @@ impl Instance {
         values: &mut [T],
         select: impl FnOnce(&v3::Functions) -> Option<Get<S>>,
     ) -> Result<(), CallError> {
-        self.get_as(function, reference, values, select, |value| T::from_whole(value.into()).ok_or(T::NOT_HELD))
+        self.get_as(function, &[reference], values, select, |value| T::from_whole(value.into()).ok_or(T::NOT_HELD))
     }
 
     fn set_whole_as<S: Buffered + TryFrom<i128>, T: WholeNumber>(
@@ -310,63 +288,27 @@ impl Instance {
         values: &[T],
         select: impl FnOnce(&v3::Functions) -> Option<Set<S>>,
     ) -> Result<(), CallError> {
-        self.set_as(function, reference, values, select, |value: T| S::try_from(value.whole()?).ok())
+        self.set_as(function, &[reference], values, select, |value: T| S::try_from(value.whole()?).ok())
     }
 
-    pub(super) fn get_bools(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
-        self.check_elements(Function::GetBoolean, refs, values.len())?;
+    pub(super) fn get_bools(&mut self, refs: &[Reference], mut values: &mut [c_api::Boolean]) -> Result<(), CallError> {
+        const NAME: Function = Function::GetBoolean;
+        self.check_elements(NAME, refs, values.len())?;
         let is_special = self.has_special(refs);
-        let mut rest = values;
-        for refs in refs.chunks(if is_special { 1 } else { CHUNK }) {
-            let (own, others) = rest.split_at_mut(self.boolean_elements(Function::GetBoolean, refs, is_special)?);
-            rest = others;
-            let mut few = [0; CHUNK];
-            let mut many = std::mem::take(&mut self.buffers.bytes);
-            let bytes: &mut [RawBoolean] = match few.get_mut(..own.len()) {
-                Some(few) => few,
-                None => {
-                    many.resize(own.len(), 0);
-                    &mut many
-                }
-            };
-            // SAFETY: live instance; both arrays have the stated length.
-            let read = self.call_v3(Function::GetBoolean, |f, c| unsafe {
-                Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), bytes.as_mut_ptr(), bytes.len()))
-            });
-            for (value, byte) in own.iter_mut().zip(bytes) {
-                *value = (*byte).into();
-            }
-            self.buffers.bytes = many;
-            read?;
+        for refs in refs.chunks(if is_special { 1 } else { refs.len().max(1) }) {
+            let own = values.split_off_mut(..self.boolean_elements(NAME, refs, is_special)?).unwrap_or_default();
+            self.get_as(NAME, refs, own, |f| Some(f.get_boolean), |byte| Ok(byte.into()))?;
         }
         Ok(())
     }
 
-    pub(super) fn set_bools(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
-        self.check_elements(Function::SetBoolean, refs, values.len())?;
+    pub(super) fn set_bools(&mut self, refs: &[Reference], mut values: &[c_api::Boolean]) -> Result<(), CallError> {
+        const NAME: Function = Function::SetBoolean;
+        self.check_elements(NAME, refs, values.len())?;
         let is_special = self.has_special(refs);
-        let mut rest = values;
-        for refs in refs.chunks(if is_special { 1 } else { CHUNK }) {
-            let (own, others) = rest.split_at(self.boolean_elements(Function::SetBoolean, refs, is_special)?);
-            rest = others;
-            let mut few = [false; CHUNK];
-            let mut many = std::mem::take(&mut self.buffers.bools);
-            let bools: &mut [bool] = match few.get_mut(..own.len()) {
-                Some(few) => few,
-                None => {
-                    many.resize(own.len(), false);
-                    &mut many
-                }
-            };
-            for (bool, value) in bools.iter_mut().zip(own) {
-                *bool = *value != 0;
-            }
-            // SAFETY: live instance; both arrays have the stated length.
-            let written = self.call_v3(Function::SetBoolean, |f, c| unsafe {
-                Some((f.set_boolean)(c, refs.as_ptr(), refs.len(), bools.as_ptr(), bools.len()))
-            });
-            self.buffers.bools = many;
-            written?;
+        for refs in refs.chunks(if is_special { 1 } else { refs.len().max(1) }) {
+            let own = values.split_off(..self.boolean_elements(NAME, refs, is_special)?).unwrap_or_default();
+            self.set_as(NAME, refs, own, |f| Some(f.set_boolean), |value| Some(value != 0))?;
         }
         Ok(())
     }
@@ -388,8 +330,24 @@ impl Instance {
         }
     }
 
-    fn check_elements(&mut self, function: Function, refs: &[Reference], values: usize) -> Result<(), CallError> {
+    pub(super) fn check_elements(
+        &mut self,
+        function: Function,
+        refs: &[Reference],
+        values: usize,
+    ) -> Result<(), CallError> {
         if self.elements(refs) == values { Ok(()) } else { Err(self.failure(function, OTHER_NUMBER)) }
+    }
+
+    pub(super) fn call_v2(
+        &mut self,
+        function: Function,
+        call: impl FnOnce(&v2::Functions, c_api::Component) -> Option<c_api::RawStatus>,
+    ) -> Result<(), CallError> {
+        self.call_present(function, |f, component| match f {
+            Functions::V2(f) => call(f, component),
+            Functions::V3(_) => None,
+        })
     }
 
     pub(super) fn call_v3(
@@ -406,24 +364,19 @@ impl Instance {
     fn get_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,
-        reference: Reference,
+        refs: &[Reference],
         values: &mut [T],
         select: impl FnOnce(&v3::Functions) -> Option<Get<S>>,
         convert: impl Fn(S) -> Result<T, &'static str>,
     ) -> Result<(), CallError> {
-        let mut one = [S::default()];
-        let mut many = std::mem::take(S::of(&mut self.buffers));
-        let read: &mut [S] = if values.len() == 1 {
-            &mut one
-        } else {
-            many.resize(values.len(), S::default());
-            &mut many
-        };
+        let mut buffer = std::mem::take(S::of(&mut self.buffers));
+        buffer.clear();
+        buffer.resize(values.len(), S::default());
         // SAFETY: live instance; both arrays have the stated length.
         let mut result = self.call_v3(function, |f, c| unsafe {
-            Some(select(f)?(c, &raw const reference, 1, read.as_mut_ptr(), read.len()))
+            Some(select(f)?(c, refs.as_ptr(), refs.len(), buffer.as_mut_ptr(), buffer.len()))
         });
-        for (value, read) in values.iter_mut().zip(read) {
+        for (value, read) in values.iter_mut().zip(&buffer) {
             if result.is_err() {
                 break;
             }
@@ -432,47 +385,35 @@ impl Instance {
                 Err(problem) => result = Err(self.failure(function, CallProblem::Arguments(problem))),
             }
         }
-        *S::of(&mut self.buffers) = many;
+        *S::of(&mut self.buffers) = buffer;
         result
     }
 
     fn set_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,
-        reference: Reference,
+        refs: &[Reference],
         values: &[T],
         select: impl FnOnce(&v3::Functions) -> Option<Set<S>>,
         convert: impl Fn(T) -> Option<S>,
     ) -> Result<(), CallError> {
-        let mut one = [S::default()];
-        let mut many = std::mem::take(S::of(&mut self.buffers));
-        let written: &mut [S] = if values.len() == 1 {
-            &mut one
-        } else {
-            many.resize(values.len(), S::default());
-            &mut many
-        };
-        let mut is_converted = true;
-        for (written, value) in written.iter_mut().zip(values) {
-            match convert(*value) {
-                Some(converted) => *written = converted,
-                None => is_converted = false,
-            }
-        }
-        let result = if is_converted {
+        let mut buffer = std::mem::take(S::of(&mut self.buffers));
+        buffer.clear();
+        buffer.extend(values.iter().map_while(|value| convert(*value)));
+        let result = if buffer.len() == values.len() {
             // SAFETY: live instance; both arrays have the stated length.
             self.call_v3(function, |f, c| unsafe {
-                Some(select(f)?(c, &raw const reference, 1, written.as_ptr(), written.len()))
+                Some(select(f)?(c, refs.as_ptr(), refs.len(), buffer.as_ptr(), buffer.len()))
             })
         } else {
             Err(self.failure(function, TOO_LARGE))
         };
-        *S::of(&mut self.buffers) = many;
+        *S::of(&mut self.buffers) = buffer;
         result
     }
 }
 
-/// A type that can represent Integers exactly: `i32`, `i64`, `i128` (all types), and `f64` up to 2^53.
+/// A type that can represent Integers exactly: `i32`, `i128` (all types), and `f64` up to 2^53.
 #[allow(private_bounds, reason = "only the loader stores values")]
 pub trait WholeNumber: Kept {
     /// Error message for a value that the type cannot represent.
@@ -501,18 +442,6 @@ impl WholeNumber for i32 {
     fn plain_mut(values: &mut [Self]) -> Option<&mut [i32]> {
         Some(values)
     }
-
-    fn from_whole(number: i128) -> Option<Self> {
-        number.try_into().ok()
-    }
-
-    fn whole(self) -> Option<i128> {
-        Some(self.into())
-    }
-}
-
-impl WholeNumber for i64 {
-    const NOT_HELD: &'static str = "a value does not fit in a signed 64-bit integer";
 
     fn from_whole(number: i128) -> Option<Self> {
         number.try_into().ok()

@@ -2,7 +2,6 @@
 
 use super::calls::Function;
 use super::error::CallError;
-use super::functions::Functions;
 use super::instance::Instance;
 use crate::c_api::Reference;
 use std::sync::Arc;
@@ -10,20 +9,14 @@ use std::sync::Arc;
 impl Instance {
     /// `fmi3EnterConfigurationMode`. After the initialization, the FMU enters Reconfiguration Mode.
     pub fn enter_configuration_mode(&mut self) -> Result<(), CallError> {
-        self.call_present(Function::EnterConfigurationMode, |f, c| match f {
-            // SAFETY: live instance.
-            Functions::V3(f) => f.enter_configuration_mode.map(|enter| unsafe { enter(c) }),
-            Functions::V2(_) => None,
-        })
+        // SAFETY: live instance.
+        self.call_v3(Function::EnterConfigurationMode, |f, c| unsafe { Some(f.enter_configuration_mode?(c)) })
     }
 
     /// `fmi3ExitConfigurationMode`.
     pub fn exit_configuration_mode(&mut self) -> Result<(), CallError> {
-        self.call_present(Function::ExitConfigurationMode, |f, c| match f {
-            // SAFETY: live instance.
-            Functions::V3(f) => f.exit_configuration_mode.map(|exit| unsafe { exit(c) }),
-            Functions::V2(_) => None,
-        })
+        // SAFETY: live instance.
+        self.call_v3(Function::ExitConfigurationMode, |f, c| unsafe { Some(f.exit_configuration_mode?(c)) })
     }
 
     /// `fmi3GetFloat64` for an array of any length. All other methods use the lengths in the description.

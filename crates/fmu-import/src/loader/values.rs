@@ -91,7 +91,7 @@ impl Instance {
     pub fn set_value(&mut self, reference: Reference, value: &Value) -> Result<(), CallError> {
         match value {
             Value::Real(value) => self.set_real(&[reference], &[*value]),
-            Value::Integer(value) => self.set_integer(&[reference], &[*value]),
+            Value::Integer(value) => self.set_integer(&[reference], &[i128::from(*value)]),
             Value::Unsigned(value) => self.set_integer(&[reference], &[i128::from(*value)]),
             Value::Boolean(value) => self.set_boolean(&[reference], &[i32::from(*value)]),
             Value::String(value) => self.set_string(&[reference], &[value]),
@@ -159,13 +159,9 @@ impl Instance {
             return self.get_bools(refs, values);
         }
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
-        assert!(values.len() >= refs.len(), "a value for each variable");
-        // SAFETY: live instance; both arrays have the stated length, because of the assertion for FMI 2.0.
-        self.call_present(Function::GetBoolean, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())),
-                Functions::V3(_) => None,
-            }
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call_v2(Function::GetBoolean, |f, c| unsafe {
+            Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()))
         })
     }
 
@@ -300,11 +296,8 @@ impl Instance {
         }
         self.same_length(Function::SetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call_present(Function::SetBoolean, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => Some((f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr())),
-                Functions::V3(_) => None,
-            }
+        self.call_v2(Function::SetBoolean, |f, c| unsafe {
+            Some((f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr()))
         })
     }
 
@@ -432,14 +425,8 @@ impl Instance {
             return if is_slope { self.keep_slopes(refs, values) } else { Err(self.failure(NAME, NOT_SLOPE)) };
         }
         // SAFETY: live instance; all arrays have the stated length.
-        self.call_present(NAME, |f, c| unsafe {
-            match f {
-                Functions::V2(f) => {
-                    let set = f.set_real_input_derivatives?;
-                    Some(set(c, refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_ptr()))
-                }
-                Functions::V3(_) => None,
-            }
+        self.call_v2(NAME, |f, c| unsafe {
+            Some(f.set_real_input_derivatives?(c, refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_ptr()))
         })
     }
 
