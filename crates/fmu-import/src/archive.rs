@@ -316,31 +316,24 @@ fn is_whole(library: &Path) -> io::Result<bool> {
 
 /// Checks the declared unpacked size of each entry and their sum. [`Archive::unpack`] never writes more than declared.
 fn check_sizes(entries: &[Entry]) -> Result<(), String> {
-    let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
     let (mut size, mut compressed) = (0_u64, 0_u64);
     for entry in entries {
-        let name = || String::from_utf8_lossy(&entry.name);
-        if entry.size > MAX_ENTRY {
-            let message = format!("the entry `{}` unpacks to {} bytes, at most {MAX_ENTRY} are", name(), entry.size);
-            return Err(format!("{message} accepted"));
-        }
-        if is_bomb(entry.size, entry.compressed) {
-            return Err(format!(
-                "the entry `{}` unpacks from {} to {} bytes; above {ANY_RATIO} bytes, the ratio must not exceed {MAX_RATIO}",
-                name(),
-                entry.compressed,
-                entry.size
-            ));
-        }
+        let what = format!("the entry `{}` unpacks", String::from_utf8_lossy(&entry.name));
+        check_size(&what, entry.size, entry.compressed, MAX_ENTRY)?;
         size = size.saturating_add(entry.size);
         compressed = compressed.saturating_add(entry.compressed);
     }
-    if size > MAX_UNPACKED {
-        return Err(format!("its entries unpack to {size} bytes, at most {MAX_UNPACKED} are accepted"));
+    check_size("its entries unpack", size, compressed, MAX_UNPACKED)
+}
+
+/// Checks a size and its ratio; messages begin with `what`.
+fn check_size(what: &str, size: u64, compressed: u64, most: u64) -> Result<(), String> {
+    if size > most {
+        return Err(format!("{what} to {size} bytes, at most {most} are accepted"));
     }
-    if is_bomb(size, compressed) {
+    if size > ANY_RATIO && size / MAX_RATIO > compressed {
         return Err(format!(
-            "its entries unpack from {compressed} to {size} bytes; above {ANY_RATIO} bytes, the ratio must not exceed {MAX_RATIO}"
+            "{what} from {compressed} to {size} bytes; above {ANY_RATIO} bytes, the ratio must not exceed {MAX_RATIO}"
         ));
     }
     Ok(())
@@ -366,23 +359,19 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
                 "zip readers do not agree about the entry `{name}`: one reads {listed:?}, another {read:?}"
             ));
         }
-        if entry.encrypted() {
-            return Err(format!("the entry `{name}` is encrypted"));
-        }
-        if entry.is_symlink() {
-            return Err(format!("the entry `{name}` is a link"));
-        }
-        let Some(path) = path_within(&name) else {
-            return Err(format!("the entry `{name}` is not a path within the archive"));
+        let problem = match path_within(&name) {
+            _ if entry.encrypted() => "is encrypted",
+            _ if entry.is_symlink() => "is a link",
+            None => "is not a path within the archive",
+            Some(_) if terminal::is_unsafe(&name) => "has control characters in its name",
+            // Different names can refer to the same file: `a/b` and `a/./b`, or a name in two encodings.
+            Some(path) if !paths.insert(path.trim_end_matches('/').to_owned()) => "appears twice",
+            Some(path) => {
+                names.push(path);
+                continue;
+            }
         };
-        if terminal::is_unsafe(&name) {
-            return Err(format!("the entry `{name}` has control characters in its name"));
-        }
-        // Different names can refer to the same file: `a/b` and `a/./b`, or a name in two encodings.
-        if !paths.insert(path.trim_end_matches('/').to_owned()) {
-            return Err(format!("the entry `{name}` appears twice"));
-        }
-        names.push(path);
+        return Err(format!("the entry `{name}` {problem}"));
     }
     Ok(names)
 }

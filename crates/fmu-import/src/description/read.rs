@@ -83,6 +83,7 @@ impl ModelDescription {
             FmiVersion::V3 => v3::variables_and_structure(&root, given)?,
         };
         let text = |name| root.attribute(name).map(str::to_string);
+        let interface = |name| root.child(name).map(|element| capabilities(element, fmi)).transpose();
         let experiment = root.child("DefaultExperiment");
         let time = |name| experiment.map_or(Ok(None), |e| e.real(name));
         let token = match fmi {
@@ -101,13 +102,9 @@ impl ModelDescription {
             generation_tool: text("generationTool"),
             generation_date_and_time: text("generationDateAndTime"),
             variable_naming_convention: text("variableNamingConvention").unwrap_or_else(|| "flat".to_string()),
-            co_simulation: root.child("CoSimulation").map(|element| capabilities(element, fmi)).transpose()?,
-            model_exchange: root.child("ModelExchange").map(|element| capabilities(element, fmi)).transpose()?,
-            scheduled_execution: root
-                .child("ScheduledExecution")
-                .filter(|_| fmi == FmiVersion::V3)
-                .map(|element| capabilities(element, fmi))
-                .transpose()?,
+            co_simulation: interface("CoSimulation")?,
+            model_exchange: interface("ModelExchange")?,
+            scheduled_execution: if fmi == FmiVersion::V3 { interface("ScheduledExecution")? } else { None },
             log_categories: root
                 .listed("LogCategories", "Category")
                 .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
