@@ -176,15 +176,12 @@ fn attempt(
         }
     }
     let (real_time, steps) = (pace.map(|pace| pace.report), session.counts());
-    let mut recording = Recording { real_time, steps, ..recorder.finish(run) };
-    if !is_terminated {
-        std::mem::forget(session);
-        return match ended {
-            Ok(()) => Ok(recording),
-            Err(failure) => Err(keeping(failure, recording)),
-        };
-    }
+    let recording = Recording { real_time, steps, ..recorder.finish(run) };
     let messages = match ended {
+        ended if !is_terminated => {
+            std::mem::forget(session);
+            ended.map(|()| Vec::new())
+        }
         Ok(()) => session.terminate(),
         Err(failure) if failure.kind == FailureKind::Terminated => {
             let is_whole = session.is_over();
@@ -196,13 +193,7 @@ fn attempt(
         Err(failure) => Err(failure),
     };
     match messages {
-        Ok(messages) => recording.messages = messages,
-        Err(failure) => return Err(keeping(failure, recording)),
+        Ok(messages) => Ok(Recording { messages, seconds: began.elapsed().as_secs_f64(), ..recording }),
+        Err(failure) => Err(Failure { recorded: Some(Box::new(recording)), ..failure }),
     }
-    recording.seconds = began.elapsed().as_secs_f64();
-    Ok(recording)
-}
-
-fn keeping(failure: Failure, recording: Recording) -> Failure {
-    Failure { recorded: Some(Box::new(recording)), ..failure }
 }

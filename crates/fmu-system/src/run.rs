@@ -556,12 +556,15 @@ pub struct RealTime {
 }
 
 /// Recorded signals of a run.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Recording {
     /// Time of each row, s.
+    #[serde(skip)]
     pub time: Vec<f64>,
     /// Values of each column of the run; `None` where the case leaves the component out. The numbers of a Binary are
     /// its sizes in bytes.
+    #[serde(skip)]
     pub columns: Vec<Option<Vec<f64>>>,
     /// By column, the values that a double cannot represent: those of Int64, UInt64 and Binary.
     pub exact: BTreeMap<usize, Exact>,

@@ -117,7 +117,7 @@ class Worker:
                 run, simulation, self._instance, board=self._board, is_repeated=repeated, texts=texts
             )
             seconds = time.perf_counter() - begin
-            (count, columns), body = self._rows(request, *rows, texts)
+            size, body = self._rows(request, *rows, texts)
         except master.RunError as error:
             kind = "Terminated" if error.is_end else "Discarded" if error.is_discarded else "Error"
             kind = "Fatal" if error.fatal else kind
@@ -133,20 +133,18 @@ class Worker:
             failure = {"time": None, "component": None, "message": f"{type(error).__name__}: {error}", "kind": "Error"}
             return _failed(run.id, failure, None, np.empty(0))
         logged = [(name, {"status": "Warning", "category": "", "text": text}) for name, text in master.messages()]
-        return {"Recorded": {"rows": count, "columns": columns, "messages": logged, "seconds": seconds}}, body
+        return {"Recorded": {**size, "recording": {"messages": logged, "seconds": seconds}}}, body
 
     @staticmethod
-    def _rows(
-        request: Request, times: Array, rows: Array, texts: dict[int, list[str]]
-    ) -> tuple[tuple[int, list[bool]], Array]:
+    def _rows(request: Request, times: Array, rows: Array, texts: dict[int, list[str]]) -> tuple[dict[str, Any], Array]:
         """Return the size and the numbers of the rows of a run; of rows that are written to a file, the last time."""
         if request.csv is None:
             columns = [slot is not None for slot in request.run.columns]
-            return (len(times), columns), np.concatenate([times, *rows.T])
+            return {"rows": len(times), "columns": columns}, np.concatenate([times, *rows.T])
         names, file = request.csv
         present = [name for name, slot in zip(names, request.run.columns, strict=True) if slot is not None]
         results.write_csv(Path(file.hidden), present, times, rows, texts)
-        return (1, []), times[-1:]
+        return {"rows": 1, "columns": []}, times[-1:]
 
 
 def _failed(run: str, failure: dict[str, Any], size: Any, body: Array) -> tuple[dict[str, Any], Array]:

@@ -1,7 +1,7 @@
 //! Several workers that execute runs.
 
 use super::JOB;
-use super::protocol::{self, Request, Response};
+use super::protocol::{Request, Response};
 use crate::failure::{Failure, FailureKind};
 use crate::fmus::Fmus;
 use crate::results::Part;
@@ -247,19 +247,10 @@ impl Pool {
             failed("the worker process sent an unexpected response".to_owned())
         };
         match response {
-            Response::Recorded { rows, columns, exact, messages, seconds, real_time, steps } => {
-                let recording = protocol::recording(rows, &columns, messages, seconds, worker.body());
-                let exact = exact.into_iter().collect();
-                recording
-                    .map(|recording| Recording { exact, real_time, steps, ..recording })
-                    .map_err(|_| unexpected(slot))
-            }
-            Response::Failed { failure, real_time, steps, rows } => {
-                let recorded = rows.map(|(rows, columns)| {
-                    let recording = protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body());
-                    recording.map(|recording| Box::new(Recording { real_time, steps, ..recording }))
-                });
-                let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
+            Response::Recorded(header) => header.recording(worker.body()).map_err(|_| unexpected(slot)),
+            Response::Failed { failure, rows } => {
+                let recorded = rows.map(|header| header.recording(worker.body()).map(Box::new)).transpose();
+                let recorded = recorded.map_err(|_| unexpected(slot))?;
                 if failure.kind == FailureKind::Fatal {
                     // No instance of that FMU may be used again in this process.
                     *slot = None;

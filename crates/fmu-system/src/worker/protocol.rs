@@ -2,9 +2,8 @@
 
 use crate::failure::Failure;
 use crate::results::Part;
-use crate::run::{Exact, InputSeries, Interpolation, RealTime, Recording, Run, Setting, Simulation, StepCounts, Trial};
+use crate::run::{InputSeries, Interpolation, Recording, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
-use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -48,30 +47,25 @@ pub(super) enum Response {
     /// Start values of each component that starts in a steady state; `None` for other components.
     Steady(Vec<Option<Vec<Setting>>>),
     Warnings(Vec<String>),
-    /// The run is done. Time and columns are in the body.
-    Recorded {
-        rows: usize,
-        columns: Vec<bool>,
-        /// Exact values by column.
-        #[serde(default)]
-        exact: Vec<(usize, Exact)>,
-        messages: Vec<(String, Message)>,
-        seconds: f64,
-        #[serde(default)]
-        real_time: Option<RealTime>,
-        #[serde(default)]
-        steps: Option<StepCounts>,
-    },
+    /// The run is done.
+    Recorded(Header),
     Failed {
         failure: Failure,
-        #[serde(default)]
-        real_time: Option<RealTime>,
-        #[serde(default)]
-        steps: Option<StepCounts>,
-        /// Number of rows before the failure, and which columns they have. The rows are in the body unless they were
-        /// written to the file. `None` without rows.
-        rows: Option<(usize, Vec<bool>)>,
+        /// The rows before the failure; `None` without rows.
+        rows: Option<Header>,
     },
+}
+
+/// A recording whose times and columns are in the body, unless they were written to a file.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Header {
+    /// Number of rows.
+    rows: usize,
+    /// True for each column that exists.
+    columns: Vec<bool>,
+    /// The rest of the recording.
+    #[serde(default)]
+    recording: Recording,
 }
 
 impl Request {
@@ -116,49 +110,35 @@ pub(super) fn series(list: &[Series], mut body: &[f64]) -> io::Result<Vec<InputS
 }
 
 impl Response {
+    /// The outcome of a run as header and body.
+    pub(super) fn of(outcome: Result<Recording, Failure>) -> (Self, Vec<Vec<f64>>) {
+        match outcome {
+            Ok(recording) => {
+                let (header, body) = Header::of(recording);
+                (Self::Recorded(header), body)
+            }
+            Err(mut failure) => {
+                let (rows, body) = failure.recorded.take().map(|recording| Header::of(*recording)).unzip();
+                (Self::Failed { failure, rows }, body.unwrap_or_default())
+            }
+        }
+    }
+}
+
+impl Header {
     /// A recording as header and body.
-    pub(super) fn recorded(mut recording: Recording) -> (Self, Vec<Vec<f64>>) {
-        let exact = std::mem::take(&mut recording.exact).into_iter().collect();
-        let Recording { real_time, steps, .. } = recording;
-        let ((rows, columns), body, messages, seconds) = parts(recording);
-        (Self::Recorded { rows, columns, exact, messages, seconds, real_time, steps }, body)
+    fn of(mut recording: Recording) -> (Self, Vec<Vec<f64>>) {
+        let (time, columns) = (std::mem::take(&mut recording.time), std::mem::take(&mut recording.columns));
+        let header = Self { rows: time.len(), columns: columns.iter().map(Option::is_some).collect(), recording };
+        (header, std::iter::once(time).chain(columns.into_iter().flatten()).collect())
     }
 
-    /// A failure as header, and the rows before it as body.
-    pub(super) fn failed(mut failure: Failure) -> (Self, Vec<Vec<f64>>) {
-        let Some(recording) = failure.recorded.take() else { return (Self::failure(failure), Vec::new()) };
-        let Recording { real_time, steps, .. } = *recording;
-        let (rows, body, ..) = parts(*recording);
-        (Self::Failed { failure, real_time, steps, rows: Some(rows) }, body)
+    pub(super) fn recording(self, mut body: Numbers<'_>) -> io::Result<Recording> {
+        let mut take = || body.take(self.rows).ok_or_else(|| invalid("a body is too short"));
+        let time = take()?;
+        let columns = self.columns.iter().map(|has| has.then(&mut take).transpose()).collect::<io::Result<_>>()?;
+        Ok(Recording { time, columns, ..self.recording })
     }
-
-    /// A failure without rows.
-    pub(super) fn failure(failure: Failure) -> Self {
-        Self::Failed { failure, real_time: None, steps: None, rows: None }
-    }
-}
-
-/// The parts of a recording: the number of rows with a flag for each column that exists, the times and columns, the
-/// messages, and the duration in seconds.
-type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
-
-fn parts(recording: Recording) -> Parts {
-    let Recording { time, columns, messages, seconds, .. } = recording;
-    let rows = (time.len(), columns.iter().map(Option::is_some).collect());
-    (rows, std::iter::once(time).chain(columns.into_iter().flatten()).collect(), messages, seconds)
-}
-
-pub(super) fn recording(
-    rows: usize,
-    columns: &[bool],
-    messages: Vec<(String, Message)>,
-    seconds: f64,
-    mut body: Numbers<'_>,
-) -> io::Result<Recording> {
-    let mut take = || body.take(rows).ok_or_else(|| invalid("a body is too short"));
-    let time = take()?;
-    let columns = columns.iter().map(|has| has.then(&mut take).transpose()).collect::<io::Result<_>>()?;
-    Ok(Recording { time, columns, messages, seconds, ..Recording::default() })
 }
 
 #[cfg(test)]
@@ -172,10 +152,11 @@ mod tests {
         write(&mut bytes, &0, &[&[0.0, 1.0, 5.0, 6.0]]).unwrap();
         let mut reader = Reader::default();
         assert_eq!(reader.read(&mut &bytes[..]).unwrap(), Some(0));
-        let made = recording(2, &[false, true], Vec::new(), 0.0, reader.body()).unwrap();
+        let header = |rows| Header { rows, columns: vec![false, true], recording: Recording::default() };
+        let made = header(2).recording(reader.body()).unwrap();
         assert_eq!((made.time, made.columns), (vec![0.0, 1.0], vec![None, Some(vec![5.0, 6.0])]));
         for rows in [3, usize::MAX] {
-            assert!(recording(rows, &[false, true], Vec::new(), 0.0, reader.body()).is_err());
+            assert!(header(rows).recording(reader.body()).is_err());
         }
     }
 }

@@ -26,7 +26,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::failure(Failure::new("", message));
+    let failed = |message: String| Response::Failed { failure: Failure::new("", message), rows: None };
     match request {
         Request::Fmus(binaries) => {
             libraries.0 = binaries.into_iter().map(|binary| (binary, OnceCell::new())).collect();
@@ -52,17 +52,15 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 recording.exact.clear();
                 io::Result::Ok(())
             };
-            let executed = master::record(&simulation, &run, libraries, !is_repeated, pace);
+            let mut executed = master::record(&simulation, &run, libraries, !is_repeated, pace);
             replies.end_copies();
-            let (response, body) = match executed {
-                Err(mut failure) => match failure.recorded.as_deref_mut().map_or(Ok(()), kept) {
-                    Err(error) => (failed(error.to_string()), Vec::new()),
-                    Ok(()) => Response::failed(failure),
-                },
-                Ok(mut recording) => match kept(&mut recording) {
-                    Err(error) => (failed(error.to_string()), Vec::new()),
-                    Ok(()) => Response::recorded(recording),
-                },
+            let recording = match &mut executed {
+                Ok(recording) => Some(recording),
+                Err(failure) => failure.recorded.as_deref_mut(),
+            };
+            let (response, body) = match recording.map_or(Ok(()), kept) {
+                Err(error) => (failed(error.to_string()), Vec::new()),
+                Ok(()) => Response::of(executed),
             };
             replies.send(&response, &body.iter().map(Vec::as_slice).collect::<Vec<_>>())
         }
