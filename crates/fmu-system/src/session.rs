@@ -84,21 +84,26 @@ impl<T: Clone + Default> Group<T> {
         }
     }
 
-    fn set(&self, set: impl FnOnce(&[Reference], &[T]) -> Result<(), CallError>) -> Result<(), CallError> {
-        if self.slots.is_empty() { Ok(()) } else { set(&self.references, &self.values) }
+    fn set(
+        &self,
+        instance: &mut Instance,
+        set: impl FnOnce(&mut Instance, &[Reference], &[T]) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        if self.slots.is_empty() { Ok(()) } else { set(instance, &self.references, &self.values) }
     }
 
     /// Reads the variables and puts them on the bus.
     fn read(
         &mut self,
+        instance: &mut Instance,
         bus: &mut [f64],
-        get: impl FnOnce(&[Reference], &mut [T]) -> Result<(), CallError>,
+        get: impl FnOnce(&mut Instance, &[Reference], &mut [T]) -> Result<(), CallError>,
         convert: impl Fn(&T) -> f64,
     ) -> Result<(), CallError> {
         if self.slots.is_empty() {
             return Ok(());
         }
-        get(&self.references, &mut self.values)?;
+        get(instance, &self.references, &mut self.values)?;
         for (value, slot) in self.values.iter().zip(&self.slots) {
             bus[*slot] = convert(value);
         }
@@ -258,7 +263,7 @@ impl Component {
     }
 
     fn set_reals(&mut self) -> Result<(), CallError> {
-        self.inputs.reals.set(|references, values| self.instance.set_real(references, values))
+        self.inputs.reals.set(&mut self.instance, Instance::set_real)
     }
 
     /// Sets the inputs that are not Real.
@@ -274,11 +279,11 @@ impl Component {
         if !are_exact {
             return set_exactly(instance, &inputs.integers, numbers);
         }
-        inputs.integers.set(|references, values| instance.set_integer(references, values))?;
+        inputs.integers.set(instance, Instance::set_integer)?;
         inputs.wide.load(numbers, |v| v);
-        inputs.wide.set(|references, values| instance.set_integer(references, values))?;
+        inputs.wide.set(instance, Instance::set_integer)?;
         inputs.booleans.load(numbers, |v| i32::from(v > 0.5));
-        inputs.booleans.set(|references, values| instance.set_boolean(references, values))?;
+        inputs.booleans.set(instance, Instance::set_boolean)?;
         match &mut inputs.special {
             None => Ok(()),
             Some(special) => special.set(instance, bus),
@@ -323,12 +328,10 @@ impl Component {
     fn read_outputs(&mut self, bus: &mut Bus) -> Result<(), CallError> {
         let Self { instance, outputs, .. } = self;
         let numbers = &mut bus.numbers[..];
-        outputs.reals.read(numbers, |references, values| instance.get_real(references, values), |v| *v)?;
-        let integers = |references: &[Reference], values: &mut [i32]| instance.get_integer(references, values);
-        outputs.integers.read(numbers, integers, |v| f64::from(*v))?;
-        outputs.wide.read(numbers, |references, values| instance.get_integer(references, values), |v| *v)?;
-        let boolean = |v: &i32| f64::from(u8::from(*v != 0));
-        outputs.booleans.read(numbers, |references, values| instance.get_boolean(references, values), boolean)?;
+        outputs.reals.read(instance, numbers, Instance::get_real, |v| *v)?;
+        outputs.integers.read(instance, numbers, Instance::get_integer, |v| f64::from(*v))?;
+        outputs.wide.read(instance, numbers, Instance::get_integer, |v| *v)?;
+        outputs.booleans.read(instance, numbers, Instance::get_boolean, |v| f64::from(u8::from(*v != 0)))?;
         match &mut outputs.special {
             None => Ok(()),
             Some(special) => special.read(instance, bus),
@@ -342,19 +345,17 @@ impl Special {
             let Some(whole) = bus.whole(*slot) else { return set_exactly(instance, &self.exact, &bus.numbers) };
             *value = whole;
         }
-        self.exact.set(|references, values| instance.set_integer(references, values))?;
+        self.exact.set(instance, Instance::set_integer)?;
         let mut binaries = self.binaries.references.iter().zip(&self.binaries.slots);
         binaries.try_for_each(|(reference, slot)| instance.set_binary(&[*reference], &[bus.binary(*slot)]))
     }
 
     fn read(&mut self, instance: &mut Instance, bus: &mut Bus) -> Result<(), CallError> {
-        let integers = |references: &[Reference], values: &mut [i128]| instance.get_integer(references, values);
-        self.exact.read(&mut bus.numbers, integers, |v| *v as f64)?;
+        self.exact.read(instance, &mut bus.numbers, Instance::get_integer, |v| *v as f64)?;
         for (value, slot) in self.exact.values.iter().zip(&self.exact.slots) {
             bus.exact[*slot] = Some(*value);
         }
-        let binaries = |references: &[Reference], values: &mut [Vec<u8>]| instance.read_binary(references, values);
-        self.binaries.read(&mut bus.numbers, binaries, |v| v.len() as f64)?;
+        self.binaries.read(instance, &mut bus.numbers, Instance::read_binary, |v| v.len() as f64)?;
         for (value, slot) in self.binaries.values.iter_mut().zip(&self.binaries.slots) {
             if let Some(own) = &mut bus.binaries[*slot] {
                 std::mem::swap(own, value);
@@ -776,36 +777,27 @@ impl Session {
             return Ok(ended.map(|error| (Reached::End, error)));
         }
         feeder.feed(time, 0.5 * simulation.step, &mut bus.numbers);
+        let (mut all, signals) = (0..members.len(), &mut Signals { members, bus, overwritten });
+        let is_jacobi = simulation.order == Order::Jacobi;
+        if is_jacobi {
+            all.clone().try_for_each(|index| signals.set_inputs(index))?;
+        }
         let mut ended = None;
-        match simulation.order {
-            Order::Sequential | Order::Auto => {
-                for index in 0..members.len() {
-                    members[index].set_inputs(bus)?;
-                    members[index].set_overwritten(index, overwritten)?;
-                    match clocked.step(index, &mut Signals { members, bus, overwritten }, time, step)? {
-                        None => (),
-                        at_start @ Some((Reached::Start, _)) => return Ok(at_start),
-                        at_end => ended = ended.or(at_end),
-                    }
-                    members[index].read_outputs(bus)?;
-                }
+        for index in all.clone() {
+            if !is_jacobi {
+                signals.set_inputs(index)?;
             }
-            Order::Jacobi => {
-                for (index, member) in members.iter_mut().enumerate() {
-                    member.set_inputs(bus)?;
-                    member.set_overwritten(index, overwritten)?;
-                }
-                for index in 0..members.len() {
-                    match clocked.step(index, &mut Signals { members, bus, overwritten }, time, step)? {
-                        None => (),
-                        at_start @ Some((Reached::Start, _)) => return Ok(at_start),
-                        at_end => ended = ended.or(at_end),
-                    }
-                }
-                for member in members.iter_mut() {
-                    member.read_outputs(bus)?;
-                }
+            match clocked.step(index, signals, time, step)? {
+                None => (),
+                at_start @ Some((Reached::Start, _)) => return Ok(at_start),
+                at_end => ended = ended.or(at_end),
             }
+            if !is_jacobi {
+                signals.read_outputs(index)?;
+            }
+        }
+        if is_jacobi {
+            all.try_for_each(|index| signals.read_outputs(index))?;
         }
         Ok(ended)
     }

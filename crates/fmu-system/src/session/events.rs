@@ -36,12 +36,14 @@ pub(super) struct Signals<'a> {
 }
 
 impl Signals<'_> {
-    fn set_inputs(&mut self, index: usize) -> Result<(), CallError> {
+    #[inline]
+    pub(super) fn set_inputs(&mut self, index: usize) -> Result<(), CallError> {
         self.members[index].set_inputs(self.bus)?;
         self.members[index].set_overwritten(index, self.overwritten)
     }
 
-    fn read_outputs(&mut self, index: usize) -> Result<(), CallError> {
+    #[inline]
+    pub(super) fn read_outputs(&mut self, index: usize) -> Result<(), CallError> {
         self.members[index].read_outputs(self.bus)
     }
 
