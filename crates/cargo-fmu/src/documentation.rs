@@ -109,8 +109,7 @@ fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) 
 }
 
 fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {
-    let rows: String =
-        description.variables.iter().filter(|variable| variable.causality == causality).map(row).collect();
+    let rows: String = description.of(causality).map(row).collect();
     if rows.is_empty() {
         return String::new();
     }

@@ -265,9 +265,7 @@ fn described(description: &ModelDescription, variable: &Variable) -> String {
 
 fn table(description: &ModelDescription, causality: Causality, title: &str) {
     let rows: Vec<[String; 4]> = description
-        .variables
-        .iter()
-        .filter(|variable| variable.causality == causality)
+        .of(causality)
         .map(|variable| {
             [
                 format!("{}{}", variable.name, variables::lengths(variable)),

@@ -106,23 +106,19 @@ fn needed(name: &str, fmus: &FmuFolder) -> Result<std::sync::Arc<ModelDescriptio
     }
 }
 
-fn of(description: &ModelDescription, causality: Causality) -> impl Iterator<Item = &Variable> {
-    description.variables.iter().filter(move |variable| variable.causality == causality)
-}
-
 fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String> {
     let description = needed(plant, fmus)?;
-    let inputs: Vec<&Variable> = of(&description, Causality::Input).collect();
+    let inputs: Vec<&Variable> = description.of(Causality::Input).collect();
     let has_input = |output: &Variable| inputs.iter().any(|input| input.name == output.name);
     let found = |name: &str| fmus.find(name).ok().flatten().map(|found| found.description);
     let driver = if maneuver.is_some() { Some(needed(DRIVER, fmus)?) } else { found(DRIVER) };
     // The angle is connected to the first axle. The plants call the other axles middle and rear.
     let steering = driver.as_ref().and_then(|driver| {
-        let angle = of(driver, Causality::Output).find(|output| output.name.ends_with(".steer"))?;
+        let angle = driver.of(Causality::Output).find(|output| output.name.ends_with(".steer"))?;
         let is_angle = |input: &&&Variable| input.name.starts_with("steer") && input.unit == angle.unit;
         Some((angle.name.clone(), inputs.iter().find(is_angle)?.name.clone()))
     });
-    let serves = |fmu: &ModelDescription| of(fmu, Causality::Output).any(has_input);
+    let serves = |fmu: &ModelDescription| fmu.of(Causality::Output).any(has_input);
     let driver = driver.filter(|driver| maneuver.is_some() || steering.is_some() || serves(driver));
     if let (Some(name), Some(driver)) = (maneuver, &driver) {
         check_maneuver(name, driver)?;
@@ -132,7 +128,7 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let written: BTreeSet<&str> = [&driver, &road]
         .into_iter()
         .flatten()
-        .flat_map(|fmu| of(fmu, Causality::Output))
+        .flat_map(|fmu| fmu.of(Causality::Output))
         .map(|output| output.name.as_str())
         .chain(steering.as_ref().map(|(_, to)| to.as_str()))
         .collect();
@@ -188,11 +184,11 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
 }
 
 fn check_maneuver(name: &str, driver: &ModelDescription) -> Result<()> {
-    let parameter = of(driver, Causality::Parameter).find(|parameter| parameter.name == "maneuver");
+    let parameter = driver.of(Causality::Parameter).find(|parameter| parameter.name == "maneuver");
     let names: Vec<&str> =
         parameter.map_or(Vec::new(), |p| p.named_values().into_iter().map(|(_, name)| name).collect());
     let is_file = |parameter: &&Variable| parameter.name == format!("{name}.file");
-    if let Some(file) = of(driver, Causality::Parameter).find(is_file).filter(|_| names.contains(&name)) {
+    if let Some(file) = driver.of(Causality::Parameter).find(is_file).filter(|_| names.contains(&name)) {
         let help = format!("Start with another maneuver, then set `maneuver = \"{name}\"` and `\"{}\"`.", file.name);
         return Err(miette!(help = help, "the maneuver `{name}` needs a file, the parameter `{}`", file.name));
     }
@@ -245,7 +241,7 @@ fn recorded(description: &ModelDescription) -> Vec<&Variable> {
         let last = output.name.rsplit_once('.').map_or("", |(_, last)| last);
         output.name.ends_with(']') || (1..=2).contains(&last.len())
     };
-    let whole = || of(description, Causality::Output).filter(is_scalar);
+    let whole = || description.of(Causality::Output).filter(is_scalar);
     let mut found: Vec<&Variable> = whole().filter(|output| !is_element(output)).collect();
     // Preferred outputs come first. The sort is stable, so the others keep their order.
     found.sort_by_key(|output| WANTED.iter().position(|name| output.name == *name).unwrap_or(WANTED.len()));

@@ -48,13 +48,9 @@ impl Component {
         &self.found.description
     }
 
-    pub(crate) fn variables(&self, causality: Causality) -> impl Iterator<Item = &Variable> {
-        self.description().variables.iter().filter(move |variable| variable.causality == causality)
-    }
-
     /// The bench's names of the inputs or outputs.
     pub(crate) fn signals(&self, causality: Causality) -> impl Iterator<Item = &str> {
-        self.variables(causality).map(|variable| self.signal(&variable.name))
+        self.description().of(causality).map(|variable| self.signal(&variable.name))
     }
 
     /// Returns true if the component has an input or output with this name on the bench.

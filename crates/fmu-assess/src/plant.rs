@@ -2,7 +2,7 @@
 
 use crate::components::{Component, SetupError, TIME};
 use crate::signals::{self, Conversion, conversion};
-use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_system::master::Recording;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -179,11 +179,7 @@ impl Deref for Plant {
 
 /// Value of a Real parameter in its declared unit: set by the caller, or its start value.
 fn real_parameter(component: &Component, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
-    let start = || match component.description().variable(name)?.start {
-        Some(Value::Real(value)) => Some(value),
-        _ => None,
-    };
-    set.get(name).copied().or_else(start)
+    set.get(name).copied().or_else(|| component.description().variable(name)?.start.as_ref()?.real())
 }
 
 /// Returns true for an input that the bench sets to a constant.

@@ -88,14 +88,14 @@ pub(crate) fn settings(
         }
         let is_known = |driver: &Component| driver.description().variable(name).is_some();
         if own == "driver" && !drivers.is_empty() && !drivers.iter().any(is_known) {
-            let names = drivers.iter().flat_map(|driver| driver.variables(Causality::Parameter));
+            let names = drivers.iter().flat_map(|driver| driver.description().of(Causality::Parameter));
             let help = suggestion(name, names.map(|variable| variable.name.as_str()));
             let message = format!("neither Driver nor PathDriver has a parameter `{name}`");
             return Err(SetupError { message, help });
         }
         let component = std::iter::once(&plant.component).chain(components).find(|component| component.name == *owner);
         if let Some(component) = component.filter(|component| component.description().variable(name).is_none()) {
-            let names = component.variables(Causality::Parameter).map(|variable| variable.name.as_str());
+            let names = component.description().of(Causality::Parameter).map(|variable| variable.name.as_str());
             let message = format!("{} has no parameter `{name}`", component.fmu);
             return Err(SetupError { message, help: suggestion(name, names) });
         }

@@ -146,7 +146,7 @@ impl Wiring<'_> {
             let is_plant = std::ptr::eq(component, &raw const self.plant.component);
             let name = if is_plant { "plant" } else { component.name.as_str() };
             let mut constants = Vec::new();
-            for variable in component.variables(Causality::Input) {
+            for variable in component.description().of(Causality::Input) {
                 let signal = component.signal(&variable.name).to_owned();
                 match self.source(component, name, variable, &signal)? {
                     Source::Signal(from, output) => connect(&mut connections, &from, &output, name, &variable.name),

@@ -289,14 +289,9 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     if min.is_nan() || max.is_nan() || min > max {
         return error(format!("min {min} is above max {max}"));
     }
-    let number = |start: &Value| match start {
-        Value::Real(start) => Some(*start),
-        Value::Integer(start) => Some(*start as f64),
-        Value::Unsigned(start) => Some(*start as f64),
-        _ => None,
-    };
-    let starts = variable.start.iter().chain(&variable.starts).filter_map(number);
-    for start in starts {
+    // A Boolean has no limits.
+    let starts = variable.start.iter().chain(&variable.starts).filter(|start| start.base_type() != BaseType::Boolean);
+    for start in starts.filter_map(Value::number) {
         if !start.is_finite() {
             error(format!("its start value {start} is not a finite number"));
         } else if !(min..=max).contains(&start) {

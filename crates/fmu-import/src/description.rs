@@ -308,6 +308,19 @@ impl Value {
         value.try_into().ok().map(Self::Integer).or_else(unsigned)
     }
 
+    /// The Real; `None` for other types.
+    pub fn real(&self) -> Option<f64> {
+        if let Self::Real(value) = self { Some(*value) } else { None }
+    }
+
+    /// The value as a double, 0 or 1 for a Boolean; `None` for a String and a Binary.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Boolean(value) => Some(f64::from(u8::from(*value))),
+            other => other.real().or_else(|| Some(other.whole()? as f64)),
+        }
+    }
+
     /// The Integer; `None` for other types.
     pub fn whole(&self) -> Option<i128> {
         match self {
@@ -586,6 +599,11 @@ impl ModelDescription {
     /// The variable with this name.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.index(name).map(|i| &self.variables[i])
+    }
+
+    /// The variables of a causality.
+    pub fn of(&self, causality: Causality) -> impl Iterator<Item = &Variable> {
+        self.variables.iter().filter(move |variable| variable.causality == causality)
     }
 
     /// Index in [`Self::variables`] of the variable with this name.

@@ -76,15 +76,7 @@ fn adjustable(
     set: Option<&Setting>,
     name: &str,
 ) -> Adjustable {
-    let number = |value: &Value| match value {
-        Value::Real(value) => *value,
-        Value::Integer(value) => *value as f64,
-        Value::Unsigned(value) => *value as f64,
-        Value::Boolean(value) => f64::from(u8::from(*value)),
-        Value::String(_) | Value::Binary { .. } => 0.0,
-    };
-    let value =
-        set.map(|setting| number(&setting.value)).or_else(|| variable.start.as_ref().map(number)).unwrap_or(0.0);
+    let value = set.map(|setting| &setting.value).or(variable.start.as_ref()).and_then(Value::number).unwrap_or(0.0);
     let (min, max) = limits(variable, value);
     Adjustable {
         id: format!("{}:{name}", component.name),

@@ -3,7 +3,7 @@
 use crate::fmus::{Fmus, name_of};
 use crate::requests::{Adjustable, Controller, Display, Vehicle};
 use fmu_assess::single::{self, Choosable, MANEUVERS};
-use fmu_import::description::{Causality, ModelDescription, Value};
+use fmu_import::description::{Causality, ModelDescription};
 use fmu_system::compat::{Fit, Systems};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, resolve};
@@ -123,8 +123,7 @@ fn entry(scenario: &Scenario) -> Json {
 }
 
 fn names(description: &ModelDescription, causality: Causality) -> BTreeSet<&str> {
-    let variables = description.variables.iter().filter(|variable| variable.causality == causality);
-    variables.map(|variable| variable.name.as_str()).collect()
+    description.of(causality).map(|variable| variable.name.as_str()).collect()
 }
 
 /// An FMU that runs alone.
@@ -167,10 +166,8 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
     let writes_same = |own: &ModelDescription, other: &ModelDescription| {
         !names(own, Causality::Output).is_disjoint(&names(other, Causality::Output))
     };
-    let parameters = description.variables.iter().filter_map(|variable| match variable.start {
-        Some(Value::Real(value)) if variable.causality == Causality::Parameter => Some((variable.name.clone(), value)),
-        _ => None,
-    });
+    let parameters = description.of(Causality::Parameter);
+    let parameters = parameters.filter_map(|of| Some((of.name.clone(), of.start.as_ref()?.real()?)));
     let not_applicable = |maneuver: &single::Maneuver| single::not_applicable(name, maneuver, &fmus.descriptions);
     Some(Vehicle {
         fmu: name.clone(),

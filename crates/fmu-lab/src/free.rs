@@ -114,7 +114,7 @@ fn alone(fmus: &Fmus, name: &str) -> Result<Prepared, Failure> {
     let quoted = |text: &str| serde_json::json!(text).to_string();
     let scalars = |causality: Causality| {
         let is_scalar = |variable: &&Variable| !variable.is_array() && variable.base_type.is_number();
-        description.variables.iter().filter(is_scalar).filter(move |variable| variable.causality == causality)
+        description.of(causality).filter(is_scalar)
     };
     let inputs = scalars(Causality::Input).map(|variable| {
         let value = match &variable.start {

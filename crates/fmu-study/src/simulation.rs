@@ -140,10 +140,7 @@ impl Simulation {
             let component = run.components.iter().find(|u| u.name == component)?;
             let set = component.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone());
             let start = || self.fmus.get(component).ok()?.description().variable(name)?.start.clone();
-            match set.or_else(start)? {
-                Value::Real(value) => Some(value),
-                _ => None,
-            }
+            set.or_else(start)?.real()
         };
         let first = of(self.runs.first()?)?;
         self.runs.iter().all(|run| of(run) == Some(first)).then_some(first)

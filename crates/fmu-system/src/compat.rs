@@ -122,10 +122,6 @@ fn is_block(fmus: &Descriptions, name: &str) -> bool {
     fmus[name].variables.iter().filter(is_signal).all(|signal| signal.unit.is_none() && !is_elsewhere(signal))
 }
 
-fn variables(description: &ModelDescription, causality: Causality) -> impl Iterator<Item = &Variable> {
-    description.variables.iter().filter(move |variable| variable.causality == causality)
-}
-
 fn output<'a>(writer: &'a ModelDescription, input: &Variable) -> Option<&'a Variable> {
     writer.variable(&input.name).filter(|variable| variable.causality == Causality::Output)
 }
@@ -135,7 +131,7 @@ fn supplies(writer: &ModelDescription, input: &Variable) -> bool {
 }
 
 fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
-    variables(reader, Causality::Input).any(|input| supplies(writer, input))
+    reader.of(Causality::Input).any(|input| supplies(writer, input))
 }
 
 fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str]) -> Vec<Fit> {
@@ -144,7 +140,8 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str
     let unwritten = |component: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
         // An FMU cannot write its own inputs: names are unique within an FMU.
         let writers = || supplied.iter().chain([&plant]);
-        variables(&fmus[component], Causality::Input)
+        fmus[component]
+            .of(Causality::Input)
             .filter(|input| !writers().any(|writer| supplies(&fmus[*writer], input)))
             .collect()
     };

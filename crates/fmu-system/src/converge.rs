@@ -186,10 +186,7 @@ impl<'p> Graph<'p> {
                 let variables = fmus.get(own).ok().map(Fmu::description).map(|of| &of.variables);
                 let variable = variables.and_then(|of| of.iter().find(is_time));
                 random.extend(variables.filter(|of| of.iter().any(|v| v.name == SEED)).map(|_| own.name.as_str()));
-                let time = match variable.and_then(|variable| set.or(variable.start.as_ref())) {
-                    Some(Value::Real(time)) => Some(*time),
-                    _ => None,
-                };
+                let time = variable.and_then(|variable| set.or(variable.start.as_ref())?.real());
                 times.insert(own.name.as_str(), time);
             }
         }

@@ -33,7 +33,7 @@ impl Kept for f64 {
         &mut whole.reals
     }
     fn of(start: &Value) -> Option<Self> {
-        if let Value::Real(value) = start { Some(*value) } else { None }
+        start.real()
     }
 }
 impl Kept for i32 {

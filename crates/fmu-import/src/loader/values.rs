@@ -62,8 +62,7 @@ impl Instance {
         let reference = [reference];
         match base_type {
             BaseType::Real => {
-                let number = |value: &Value| if let Value::Real(number) = value { Some(*number) } else { None };
-                let values: Vec<f64> = values.iter().filter_map(number).collect();
+                let values: Vec<f64> = values.iter().filter_map(Value::real).collect();
                 self.set_real(&reference, &values)
             }
             BaseType::Integer => {
@@ -102,8 +101,7 @@ impl Instance {
     /// `fmi2GetReal`, `fmi3GetFloat64`. An array has one value per element.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         if self.has_clocked(refs) {
-            let of = |value: &Value| if let Value::Real(number) = value { Some(*number) } else { None };
-            return self.get_held(refs, values, of, Self::get_real);
+            return self.get_held(refs, values, Value::real, Self::get_real);
         }
         if self.has_special(refs) {
             if self.has_elements(refs) {

@@ -126,8 +126,7 @@ fn parameter_help(run: &Run, fmus: &Fmus, component: &str, name: &str) -> (Optio
     if description.variable(name).is_some() {
         return (None, true);
     }
-    let parameters = description.variables.iter().filter(|v| v.causality == Causality::Parameter);
-    (suggestion(name, parameters.map(|v| v.name.as_str())), false)
+    (suggestion(name, description.of(Causality::Parameter).map(|v| v.name.as_str())), false)
 }
 
 pub(super) fn comparisons(

@@ -168,14 +168,9 @@ impl Resolver<'_> {
             let Some((_, output)) = outputs.and_then(|mut all| all.find(|(_, v)| v.name == column.variable)) else {
                 continue;
             };
-            let start = match (output.initial, &output.start) {
-                _ if output.variability != Variability::Discrete => continue,
-                (Some(Initial::Exact), Some(Value::Real(start))) => *start,
-                (Some(Initial::Exact), Some(Value::Integer(start))) => *start as f64,
-                (Some(Initial::Exact), Some(Value::Unsigned(start))) => *start as f64,
-                (Some(Initial::Exact), Some(Value::Boolean(start))) => f64::from(u8::from(*start)),
-                _ => continue,
-            };
+            let holds_start = (output.variability, output.initial) == (Variability::Discrete, Some(Initial::Exact));
+            let start = output.start.as_ref().filter(|_| holds_start);
+            let Some(start) = start.and_then(Value::number) else { continue };
             let shown = of.factor * start + of.offset;
             let is_below = |limit: f64| shown < limit && of.kind == Kind::Min;
             let is_above =

@@ -500,10 +500,7 @@ fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
 /// Returns true if an angle in rad is more than a full turn, although the start value of its variable is not.
 pub(super) fn is_implausible(variable: &Variable, value: f64) -> bool {
     let is_large = |value: f64| value.abs() > TAU;
-    let usual = match variable.start {
-        Some(Value::Real(start)) => start,
-        _ => 0.0,
-    };
+    let usual = variable.start.as_ref().and_then(Value::real).unwrap_or(0.0);
     variable.unit.as_deref() == Some("rad") && is_large(value) && !is_large(usual)
 }
 

@@ -170,7 +170,7 @@ impl Factor {
         let variable = &settable.variable;
         let base_type = variable.base_type;
         let distribution = self.distribution.as_ref().map(|distribution| *distribution.get_ref());
-        let own = if let Some(Value::Real(own)) = settable.value { Some(own) } else { None };
+        let own = settable.value.as_ref().and_then(Value::real);
         let at = self.variable.as_ref().map_or(0..0, Spanned::span);
         if distribution == Some(Distribution::Seed) {
             if base_type != BaseType::Integer {
