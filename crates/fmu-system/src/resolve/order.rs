@@ -1,6 +1,6 @@
 //! The order in which components make their steps, and the times of the values that connections carry.
 
-use super::system::{CaseComponent, Resolver, Source, System, context};
+use super::system::{CaseComponent, Resolver, System, context};
 use crate::plan::Timing;
 use crate::run;
 use crate::scenario::ComponentKind;
@@ -34,12 +34,9 @@ impl System<'_> {
     /// The connections, each as the component that writes and the one that reads.
     fn wires(&self) -> impl Iterator<Item = (usize, usize)> {
         let kept = self.members.iter().enumerate().filter(|(_, member)| !member.dropped);
-        let writers = |member: &CaseComponent<'_>| {
-            let of =
-                |(_, source): &(usize, Source)| if let Source::Output(from, _) = source { Some(*from) } else { None };
-            member.inputs.iter().filter_map(of).collect::<Vec<_>>()
-        };
-        kept.flat_map(move |(to, member)| writers(member).into_iter().map(move |from| (from, to)))
+        kept.flat_map(|(to, member)| {
+            member.inputs.iter().filter_map(move |(_, source)| source.output().map(|(from, _)| (from, to)))
+        })
     }
 
     /// When a reader gets the values of a writer, with the components in this order.

@@ -58,15 +58,13 @@ impl Resolver<'_> {
                 }
                 let named =
                     inputs.column(Some(member.name()), &variable.name).or_else(|| inputs.column(None, &variable.name));
-                let is_read = sources().any(|source| matches!(source, Source::Output(w, o) if (*w, *o) == (m, v)));
+                let is_read = sources().any(|source| source.output() == Some((m, v)));
                 let mut columns = lost.iter().filter(|(output, _)| *output == (m, v)).map(|(_, column)| *column);
                 let taken = columns.next().filter(|first| !is_read && columns.all(|other| other == *first));
                 let on_wire = |column: usize| {
-                    let feeds = sources().filter_map(|source| match source {
-                        Source::Series(feed) if inputs.feeds[*feed].column == column => Some(*feed),
-                        _ => None,
-                    });
-                    feeds.min_by_key(|feed| inputs.feeds[*feed].interpolation)
+                    let feeds = sources().filter_map(Source::series);
+                    let of_column = feeds.filter(|feed| inputs.feeds[*feed].column == column);
+                    of_column.min_by_key(|feed| inputs.feeds[*feed].interpolation)
                 };
                 if let Some(feed) = named.and_then(on_wire).or_else(|| taken.and_then(on_wire)) {
                     replaced.push(((m, v), feed));

@@ -4,7 +4,7 @@
 use super::system::{CaseComponent, Source, System};
 use crate::plan;
 use crate::run::{self, AlgebraicLoop, Evaluation, Linear, Unknown};
-use fmu_import::description::{BaseType, FmiVersion, Initial, Value, Variable};
+use fmu_import::description::{BaseType, FmiVersion, Initial, Variable};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// An output with a slot.
@@ -71,11 +71,8 @@ pub(super) fn evaluations(system: &System<'_>, slots: &BTreeMap<(usize, usize), 
 
 /// The algebraic loops of a case: at the start, and those that the order of the components breaks in each step.
 pub(super) fn loops(system: &System<'_>, order: run::Order) -> Vec<plan::Loop> {
-    let read = system.order.iter().flat_map(|m| &system.members[*m].inputs).filter_map(|(_, source)| match source {
-        Source::Output(m, v) => Some((*m, *v)),
-        _ => None,
-    });
-    let read: BTreeSet<(usize, usize)> = read.collect();
+    let inputs = system.order.iter().flat_map(|m| &system.members[*m].inputs);
+    let read: BTreeSet<(usize, usize)> = inputs.filter_map(|(_, source)| source.output()).collect();
     let slots = read.into_iter().zip(0..).collect();
     let found = |at_start, graph: Graph<'_>| {
         let loops = graph.find().into_iter().filter_map(|(evaluation, cycle)| {
@@ -108,13 +105,11 @@ impl<'a> Graph<'a> {
         let (mut outputs, mut readers) = (Vec::new(), Vec::new());
         let members: Vec<&CaseComponent<'_>> = system.order.iter().map(|m| &system.members[*m]).collect();
         for (component, (&m, member)) in system.order.iter().zip(&members).enumerate() {
-            let slot_of = |source: &Source| match source {
-                Source::Output(from, v) => slots.get(&(*from, *v)).copied(),
-                _ => None,
-            };
+            let slot_of = |source: &Source| slots.get(&source.output()?).copied();
             readers.extend(member.inputs.iter().filter_map(|(v, source)| {
+                let slot = slot_of(source)?;
                 let conversion = member.conversions.get(v).copied().unwrap_or(Linear::IDENTITY);
-                Some(Reader { component, variable: member.variable(*v), slot: slot_of(source)?, conversion })
+                Some(Reader { component, variable: member.variable(*v), slot, conversion })
             }));
             for ((_, v), slot) in slots.range((m, 0)..(m + 1, 0)) {
                 let listed = dependencies(member, *v);
@@ -209,9 +204,9 @@ impl<'a> Graph<'a> {
         let is_held =
             |output: &&Output<'_>| !is_unknown(output) || readers(output.slot).any(|reader| !is_real(&reader));
         let start = |slot: usize| {
-            let mut values = readers(slot).filter(is_real).filter_map(|reader| match reader.variable.start {
-                Some(Value::Real(start)) => Some((start - reader.conversion.offset) / reader.conversion.factor),
-                _ => None,
+            let mut values = readers(slot).filter(is_real).filter_map(|reader| {
+                let start = reader.variable.start.as_ref()?.real()?;
+                Some((start - reader.conversion.offset) / reader.conversion.factor)
             });
             values.find(|start| start.is_finite())
         };

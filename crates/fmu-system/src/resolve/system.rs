@@ -116,6 +116,16 @@ pub(super) enum Source {
     Constant(Value),
 }
 
+impl Source {
+    pub(super) fn output(&self) -> Option<(usize, usize)> {
+        if let Self::Output(m, v) = self { Some((*m, *v)) } else { None }
+    }
+
+    pub(super) fn series(&self) -> Option<usize> {
+        if let Self::Series(feed) = self { Some(*feed) } else { None }
+    }
+}
+
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
     /// In the order of the scenario.

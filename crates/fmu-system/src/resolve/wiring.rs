@@ -578,12 +578,9 @@ impl<'a> Resolver<'a> {
             if std::mem::replace(&mut needed[m], true) {
                 continue;
             }
-            for (_, source) in &system.members[m].inputs {
-                if let Source::Output(from, _) = source {
-                    open.push(*from);
-                }
-            }
-            open.extend(system.members[m].clocks.iter().map(|(_, (from, _))| *from));
+            let member = &system.members[m];
+            open.extend(member.inputs.iter().filter_map(|(_, source)| Some(source.output()?.0)));
+            open.extend(member.clocks.iter().map(|(_, (from, _))| *from));
         }
         for (member, needed) in system.members.iter_mut().zip(needed) {
             member.dropped = !needed;
@@ -598,20 +595,12 @@ impl<'a> Resolver<'a> {
         let mut slots = 0..;
         let mut next = || slots.next().unwrap_or_default();
         let feeds = self.inputs.as_ref().map_or(&[][..], |inputs| &inputs.feeds);
-        let of_sources = sources().filter_map(|source| match source {
-            Source::Series(feed) => Some(*feed),
-            _ => None,
-        });
-        let mut used: Vec<usize> = of_sources.chain(system.replaced.values().copied()).collect();
+        let mut used: Vec<usize> =
+            sources().filter_map(Source::series).chain(system.replaced.values().copied()).collect();
         used.sort_by_key(|feed| (feeds[*feed].column, *feed));
         used.dedup();
         let feed_slots: HashMap<usize, usize> = used.iter().map(|&feed| (feed, next())).collect();
-        let read: BTreeSet<(usize, usize)> = sources()
-            .filter_map(|s| match s {
-                Source::Output(m, v) => Some((*m, *v)),
-                _ => None,
-            })
-            .collect();
+        let read: BTreeSet<(usize, usize)> = sources().filter_map(Source::output).collect();
         let mut output_slots: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for &m in kept {
             let member = &system.members[m];
@@ -703,12 +692,10 @@ impl<'a> Resolver<'a> {
                 .map(|column| {
                     let m = system.member(&column.component)?;
                     let v = system.members[m].found.description.index(&column.variable)?;
-                    let on_input = system.members[m].inputs.iter().find_map(|(input, source)| match source {
-                        Source::Series(feed) if *input == v => Some(feed),
-                        _ => None,
-                    });
-                    let feed = system.replaced.get(&(m, v)).or(on_input);
-                    feed.map_or_else(|| output_slots.get(&(m, v)).copied(), |feed| feed_slots.get(feed).copied())
+                    let mut inputs = system.members[m].inputs.iter().filter(|(input, _)| *input == v);
+                    let on_input = inputs.find_map(|(_, source)| source.series());
+                    let feed = system.replaced.get(&(m, v)).copied().or(on_input);
+                    feed.map_or_else(|| output_slots.get(&(m, v)).copied(), |feed| feed_slots.get(&feed).copied())
                 })
                 .collect(),
             binary: self.scenario.record.binary,
