@@ -46,25 +46,18 @@ fn included(
         fmus.push(Arc::new(system.folder));
         return problems.parse_from(&format!("{}{}", " ".repeat(from), system.text), from);
     }
-    let text = match limits::read_text(&file, limits::TEXT_FILE) {
-        Ok(text) => text,
-        Err(error) => {
-            problems.add(path.span(), format!("cannot read {}: {error}", file.display()));
-            return None;
-        }
-    };
+    let text = limits::read_text(&file, limits::TEXT_FILE);
+    let text = text.map_err(|error| problems.add(path.span(), format!("cannot read {}: {error}", file.display())));
+    let text = text.ok()?;
     let from = problems.add_source(&file, &text, "toml");
     // Leading blanks shift the places in this file behind the places in the previous files.
     let moved = format!("{}{text}", " ".repeat(from));
     let part: Written = problems.parse_from(&moved, from)?;
     let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];
-    let sets = [("parameter_set", &part.parameter_set)];
-    for (key, value) in texts.into_iter().chain(sets) {
+    for (key, value) in texts.into_iter().chain([("parameter_set", &part.parameter_set)]) {
         if let Some(value) = value {
-            problems.add(
-                value.span(),
-                format!("an included file must not have `{key}`: remove it here; only the scenario has it"),
-            );
+            let message = format!("an included file must not have `{key}`: remove it here; only the scenario has it");
+            problems.add(value.span(), message);
         }
     }
     if let Some(nested) = part.include.first() {

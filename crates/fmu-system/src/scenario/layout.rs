@@ -266,10 +266,12 @@ pub(crate) struct Case {
 }
 
 /// Another FMU for a component: `"Name"`, or `{ fmu = "Name", keep_parameters = true }`.
-#[derive(Debug)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, remote = "Self")]
 pub(crate) struct Replacement {
     pub(crate) fmu: String,
     /// True if the other FMU gets the component's parameters, as far as it has them.
+    #[serde(default)]
     pub(crate) keep_parameters: bool,
 }
 
@@ -296,14 +298,6 @@ impl JsonSchema for Replacement {
 
 impl<'de> Deserialize<'de> for Replacement {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Table {
-            fmu: String,
-            #[serde(default)]
-            keep_parameters: bool,
-        }
-
         struct Either;
         impl<'de> Visitor<'de> for Either {
             type Value = Replacement;
@@ -317,8 +311,7 @@ impl<'de> Deserialize<'de> for Replacement {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Replacement, A::Error> {
-                let Table { fmu, keep_parameters } = Table::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(Replacement { fmu, keep_parameters })
+                Replacement::deserialize(MapAccessDeserializer::new(map))
             }
         }
         deserializer.deserialize_any(Either)
