@@ -7,9 +7,9 @@
 use crate::bytes::BinaryText;
 use crate::description::{BaseType, BaseUnit, Unit, Value, unit};
 use crate::limits;
+use crate::xml::write::{Xml, document, element, empty};
 use crate::xml::{self, Element, XmlError};
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesStart, Event};
+use quick_xml::events::{BytesStart, Event};
 use std::collections::HashSet;
 use std::io;
 use std::path::Path;
@@ -91,48 +91,27 @@ impl ParameterSet {
         units: &[Unit],
         type_name: impl Fn(&Parameter) -> String,
     ) -> io::Result<String> {
-        let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
-        xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-        let root = xml.create_element("ssv:ParameterSet").with_attributes([
-            ("xmlns:ssv", NAMESPACE),
-            ("xmlns:ssc", COMMON),
-            ("version", version),
-            ("name", self.name.as_str()),
-        ]);
-        let mut used: Vec<&Unit> = Vec::new();
-        root.write_inner_content(|xml| {
-            xml.create_element("ssv:Parameters").write_inner_content(|xml| {
-                for parameter in &self.parameters {
-                    let mut value = BytesStart::new(format!("ssv:{}", type_name(parameter)));
-                    value.push_attribute(("value", parameter.value.text().as_str()));
+        let attributes = [("xmlns:ssv", NAMESPACE), ("xmlns:ssc", COMMON), ("version", version), ("name", &self.name)];
+        document("ssv:ParameterSet", &attributes, |xml| {
+            let mut used: Vec<&Unit> = Vec::new();
+            element(xml, "ssv:Parameters", &[], |xml| {
+                self.parameters.iter().try_for_each(|parameter| {
+                    let text = parameter.value.text();
+                    let mut value = vec![("value", text.as_str())];
                     let name = parameter.unit.as_deref().filter(|_| parameter.value.base_type() == BaseType::Real);
                     let unit = name.and_then(|name| units.iter().find(|u| u.name == name && u.base.is_some()));
                     if let Some(unit) = unit {
-                        value.push_attribute(("unit", unit.name.as_str()));
+                        value.push(("unit", &unit.name));
                         if !used.contains(&unit) {
                             used.push(unit);
                         }
                     }
-                    let element = xml.create_element("ssv:Parameter").with_attribute(("name", parameter.name.as_str()));
-                    element.write_inner_content(|xml| xml.write_event(Event::Empty(value)))?;
-                }
-                Ok(())
+                    let tag = format!("ssv:{}", type_name(parameter));
+                    element(xml, "ssv:Parameter", &[("name", &parameter.name)], |xml| empty(xml, &tag, &value))
+                })
             })?;
-            if used.is_empty() {
-                return Ok(());
-            }
-            let list = xml.create_element("ssv:Units").write_inner_content(|xml| {
-                for unit in used {
-                    let element = xml.create_element("ssc:Unit").with_attribute(("name", unit.name.as_str()));
-                    element.write_inner_content(|xml| xml.write_event(Event::Empty(base_unit(unit.base.as_ref()))))?;
-                }
-                Ok(())
-            });
-            list.map(drop)
-        })?;
-        let mut text = String::from_utf8(xml.into_inner()).map_err(io::Error::other)?;
-        text.push('\n');
-        Ok(text)
+            write_units(xml, "ssv:Units", &used)
+        })
     }
 }
 
@@ -141,8 +120,22 @@ pub fn units(root: &Element) -> Result<Vec<Unit>, XmlError> {
     root.listed("Units", "Unit").map(unit).collect()
 }
 
+/// Writes the definitions of units of measure into an element with this name, if there are any.
+pub fn write_units(xml: &mut Xml, name: &str, units: &[&Unit]) -> io::Result<()> {
+    if units.is_empty() {
+        return Ok(());
+    }
+    element(xml, name, &[], |xml| {
+        units.iter().try_for_each(|unit| {
+            element(xml, "ssc:Unit", &[("name", &unit.name)], |xml| {
+                xml.write_event(Event::Empty(base_unit(unit.base.as_ref())))
+            })
+        })
+    })
+}
+
 /// The element `BaseUnit`: exponents, factor and offset, as in FMI.
-pub fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
+fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     let mut element = BytesStart::new("ssc:BaseUnit");
     let Some(base) = base else { return element };
     for (name, exponent) in BASE.iter().zip(base.exponents) {

@@ -4,6 +4,8 @@
 //! declarations are rejected, which prevents entity expansion. Size, depth, and the numbers of elements and attributes
 //! are limited, so that memory and time are at most proportional to the size of the file.
 
+pub mod write;
+
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 

@@ -14,7 +14,6 @@
 
 mod osp;
 pub(crate) mod ssp;
-mod xml;
 
 use crate::plan::Plan;
 use crate::run::{self, Extrapolation, Linear, Run, Wire};

@@ -1,8 +1,8 @@
 //! The configuration of libcosim (OSP system structure 0.1, schema of libcosim).
 
-use super::xml::{Xml, document, element, empty};
 use super::{Component, System, number};
 use fmu_import::description::Value;
+use fmu_import::xml::write::{Xml, document, element, empty};
 use quick_xml::events::BytesText;
 use std::io;
 

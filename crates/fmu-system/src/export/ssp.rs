@@ -1,11 +1,10 @@
 //! The SSP file (System Structure and Parameterization 1.0 and 2.0, section 5).
 
-use super::xml::{Xml, document, element, empty};
 use super::{Component, STRUCTURE, System, number};
 use crate::run::Linear;
 use fmu_import::description::BaseType;
-use fmu_import::parameter_set::{COMMON, base_unit};
-use quick_xml::events::Event;
+use fmu_import::parameter_set::{COMMON, write_units};
+use fmu_import::xml::write::{Xml, document, element, empty};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
@@ -97,15 +96,7 @@ pub(super) fn structure(system: &System) -> io::Result<String> {
                 })
             })
         })?;
-        if !system.units.is_empty() {
-            element(xml, "ssd:Units", &[], |xml| {
-                system.units.iter().try_for_each(|unit| {
-                    element(xml, "ssc:Unit", &[("name", &unit.name)], |xml| {
-                        xml.write_event(Event::Empty(base_unit(unit.base.as_ref())))
-                    })
-                })
-            })?;
-        }
+        write_units(xml, "ssd:Units", &system.units.iter().collect::<Vec<_>>())?;
         element(xml, "ssd:DefaultExperiment", &[("startTime", &start), ("stopTime", &stop)], |xml| {
             annotation(xml, "com.opensimulationplatform", |xml| {
                 element(xml, "osp:Algorithm", &[], |xml| {

@@ -1,12 +1,14 @@
-//! XML text.
+//! Writes XML.
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 use std::io;
 
-pub(super) type Xml = Writer<Vec<u8>>;
+/// XML text that is being written.
+pub type Xml = Writer<Vec<u8>>;
 
-pub(super) fn document(
+/// The text of a document with a root element.
+pub fn document(
     name: &str,
     attributes: &[(&str, &str)],
     content: impl FnOnce(&mut Xml) -> io::Result<()>,
@@ -17,7 +19,8 @@ pub(super) fn document(
     Ok(String::from_utf8(xml.into_inner()).map_err(io::Error::other)? + "\n")
 }
 
-pub(super) fn element(
+/// Writes an element with other elements in it.
+pub fn element(
     xml: &mut Xml,
     name: &str,
     attributes: &[(&str, &str)],
@@ -26,6 +29,7 @@ pub(super) fn element(
     xml.create_element(name).with_attributes(attributes.iter().copied()).write_inner_content(content).map(drop)
 }
 
-pub(super) fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &str)]) -> io::Result<()> {
+/// Writes an element without content.
+pub fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &str)]) -> io::Result<()> {
     xml.create_element(name).with_attributes(attributes.iter().copied()).write_empty().map(drop)
 }
