@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn keys_are_sorted_and_numbers_have_9_digits() {
-        static DEFINITION: Definition = Definition::new("any", "Any", "1", "Anything.");
+        static DEFINITION: Definition = Definition::neutral("any", "Any", "1");
         let metric = |name: &str, value| Metric { name: name.to_owned(), definition: &DEFINITION, value };
         let metrics = [
             metric("z.second", Value::Number(std::f64::consts::PI * 1e-7)),

@@ -22,19 +22,9 @@ pub struct Definition {
 }
 
 impl Definition {
-    /// A metric without a preferred direction.
-    pub(crate) const fn new(
-        name: &'static str,
-        title: &'static str,
-        unit: &'static str,
-        definition: &'static str,
-    ) -> Self {
-        Self { name, title, unit, definition, direction: Direction::None, places: None, peak_of: None }
-    }
-
     /// A metric without a preferred direction, whose definition follows.
     pub(crate) const fn neutral(name: &'static str, title: &'static str, unit: &'static str) -> Self {
-        Self::new(name, title, unit, "")
+        Self { name, title, unit, definition: "", direction: Direction::None, places: None, peak_of: None }
     }
 
     /// A metric of which lower values are better.
@@ -186,9 +176,9 @@ mod tests {
     use super::*;
 
     static TABLE: [Definition; 3] = [
-        Definition::new("a", "A", "1", "Something."),
-        Definition::new("b", "B", "1", "Something of each wheel.").each("tire_load").down(),
-        Definition::new("c", "C", "1", "Something else."),
+        Definition::neutral("a", "A", "1").is("Something."),
+        Definition::lower("b", "B", "1").is("Something of each wheel.").each("tire_load"),
+        Definition::neutral("c", "C", "1").is("Something else."),
     ];
 
     #[test]

@@ -412,7 +412,7 @@ mod tests {
     use crate::results::{Limit, REQUIRED, Results};
 
     fn measured(value: Value, direction: Direction, limit: Option<Limit>) -> Measured {
-        let of = Definition { direction, ..Definition::new("mfdd", "Deceleration", "m/s2", "") };
+        let of = Definition { direction, ..Definition::neutral("mfdd", "Deceleration", "m/s2") };
         let mut results = Results::new("braking", Suite::Braking, "without");
         Measured { limit, ..results.metric(&of, value).clone() }
     }

@@ -84,7 +84,7 @@ pub struct Maneuver {
     outputs: &'static [&'static str],
     needs_pedals: bool,
     evaluator: &'static str,
-    make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(RunSpec, Value)>,
+    make: fn(&Bench<'_>, &Chosen) -> Option<(RunSpec, Value)>,
 }
 
 /// Template for a maneuver along a path.
@@ -110,7 +110,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         is_free: true,
         values: &[speed(60.0)],
         make: |_, chosen| {
-            let spec = RunSpec::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
+            let spec = RunSpec::new("free", Driving::OpenLoop, chosen.speed, FREE);
             alone(spec.maneuver("ramp_step").drivers(&[("steer.amplitude", 0.0)]))
         },
         ..OPEN_LOOP
@@ -120,7 +120,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Double lane change, ISO 3888-1",
         values: &[speed(60.0)],
         evaluator: "cones",
-        make: |bench, chosen| double_lane_change(bench, Part::One, chosen),
+        make: |bench, chosen| double_lane_change::spec(bench, Part::One, "double_lane_change".to_owned(), chosen.speed),
         ..PATH
     },
     Maneuver {
@@ -128,7 +128,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Obstacle avoidance, ISO 3888-2",
         values: &[speed(50.0)],
         evaluator: "cones",
-        make: |bench, chosen| double_lane_change(bench, Part::Two, chosen),
+        make: |bench, chosen| double_lane_change::spec(bench, Part::Two, "double_lane_change".to_owned(), chosen.speed),
         ..PATH
     },
     Maneuver {
@@ -136,7 +136,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         title: "Single lane change, ISO 14791",
         values: &[speed(80.0)],
         evaluator: "single_lane_change",
-        make: |bench, chosen| alone(lane_change::spec(bench, chosen.value("speed"))),
+        make: |bench, chosen| alone(lane_change::spec(bench, chosen.speed)),
         ..PATH
     },
     Maneuver {
@@ -145,8 +145,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(80.0), wheel(90.0)],
         evaluator: "sine_with_dwell",
         make: |bench, chosen| {
-            let steer = chosen.value("steering_wheel") / bench.ratio();
-            let spec = sine_with_dwell::spec("sine_with_dwell".to_owned(), chosen.value("speed"), steer);
+            let spec = sine_with_dwell::spec("sine_with_dwell".to_owned(), chosen.speed, chosen.wheel / bench.ratio());
             Some((spec, json!({ "steer.ratio": bench.ratio() })))
         },
         ..OPEN_LOOP
@@ -157,8 +156,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(60.0), wheel(45.0)],
         evaluator: "step_steer",
         make: |bench, chosen| {
-            let steer = chosen.value("steering_wheel") / bench.ratio();
-            alone(step_steer::spec("step_steer".to_owned(), chosen.value("speed"), steer))
+            alone(step_steer::spec("step_steer".to_owned(), chosen.speed, chosen.wheel / bench.ratio()))
         },
         ..OPEN_LOOP
     },
@@ -168,8 +166,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(60.0), wheel(180.0)],
         evaluator: "rollover",
         make: |bench, chosen| {
-            let wheel = chosen.value("steering_wheel").to_degrees();
-            alone(rollover::fishhook_spec(bench, "fishhook".to_owned(), chosen.value("speed"), wheel))
+            alone(rollover::fishhook_spec(bench, "fishhook".to_owned(), chosen.speed, chosen.wheel.to_degrees()))
         },
         ..PATH
     },
@@ -179,8 +176,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(60.0), wheel(180.0)],
         evaluator: "rollover",
         make: |bench, chosen| {
-            let wheel = chosen.value("steering_wheel").to_degrees();
-            alone(rollover::j_turn_spec(bench, "j_turn".to_owned(), chosen.value("speed"), wheel))
+            alone(rollover::j_turn_spec(bench, "j_turn".to_owned(), chosen.speed, chosen.wheel.to_degrees()))
         },
         ..OPEN_LOOP
     },
@@ -197,7 +193,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(100.0)],
         needs_pedals: true,
         evaluator: "braking",
-        make: |_, chosen| alone(braking::spec("braking".to_owned(), chosen.value("speed"))),
+        make: |_, chosen| alone(braking::spec("braking".to_owned(), chosen.speed)),
         ..PATH
     },
     Maneuver {
@@ -206,9 +202,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         values: &[speed(50.0)],
         needs_pedals: true,
         evaluator: "braking",
-        make: |bench, chosen| {
-            alone(braking::split_spec(bench, "split_friction".to_owned(), chosen.value("speed"), true))
-        },
+        make: |bench, chosen| alone(braking::split_spec(bench, "split_friction".to_owned(), chosen.speed, true)),
         ..PATH
     },
     Maneuver {
@@ -228,8 +222,8 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: RIDE,
         evaluator: "ride",
         make: |bench, chosen| {
-            let spec = ride::spec(bench, "road", f64::from(chosen.class), f64::from(chosen.seed));
-            Some((RunSpec { speed: chosen.value("speed"), ..spec }, json!({ "begin": ride::BEGIN })))
+            let spec = ride::spec(bench, "road", chosen.class, chosen.seed);
+            Some((RunSpec { speed: chosen.speed, ..spec }, json!({ "begin": ride::BEGIN })))
         },
         ..PATH
     },
@@ -240,23 +234,20 @@ fn alone(spec: RunSpec) -> Option<(RunSpec, Value)> {
     Some((spec, json!({})))
 }
 
-fn double_lane_change(bench: &Bench<'_>, part: Part, chosen: &Chosen<'_>) -> Option<(RunSpec, Value)> {
-    double_lane_change::spec(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
-}
-
 /// The choice of the visitor.
-struct Chosen<'a> {
-    maneuver: &'a Maneuver,
-    values: &'a BTreeMap<String, f64>,
+struct Chosen {
+    speed: f64,
+    /// Steering wheel angle, rad.
+    wheel: f64,
     /// Roughness class of the road, from 1 for A; unused on a flat road.
-    class: i32,
-    seed: i32,
+    class: f64,
+    seed: f64,
 }
 
-impl Chosen<'_> {
-    fn value(&self, id: &str) -> f64 {
-        let offered = self.maneuver.values.iter().find(|value| value.id == id);
-        let given = self.values.get(id).copied().filter(|value| value.is_finite());
+impl Maneuver {
+    fn chosen(&self, id: &str, values: &BTreeMap<String, f64>) -> f64 {
+        let offered = self.values.iter().find(|value| value.id == id);
+        let given = values.get(id).copied().filter(|value| value.is_finite());
         match (offered, given) {
             (Some(offered), Some(given)) => given.clamp(offered.limits[0], offered.limits[1]),
             (Some(offered), None) => offered.value,
@@ -367,13 +358,14 @@ pub fn single(
     });
     let described: Vec<_> = described.collect();
     let descriptions = described.iter().map(|(fmu, description)| (*fmu, &**description)).collect();
-    let chosen = Chosen { maneuver, values, class: road.class.unwrap_or(3), seed: road.seed.max(1) };
+    let [speed, wheel] = ["speed", "steering_wheel"].map(|id| maneuver.chosen(id, values));
+    let chosen = Chosen { speed, wheel, class: road.class.unwrap_or(3).into(), seed: road.seed.max(1).into() };
     let bench = bench(&systems, &vehicle, &descriptions);
     let made = (maneuver.make)(&bench, &chosen);
     let (mut spec, options) =
         made.ok_or_else(|| SetupError::new("the width, front or rear of the vehicle is unknown"))?;
     if is_rough && maneuver.driving != Driving::Ride {
-        spec = ride::on_road(&bench, spec, f64::from(chosen.class), f64::from(chosen.seed));
+        spec = ride::on_road(&bench, spec, chosen.class, chosen.seed);
     }
     let (simulation, run) = bench.run(&spec, spec.stop).map_err(SetupError::new)?;
     let part = match maneuver.id {
