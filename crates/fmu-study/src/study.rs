@@ -209,7 +209,10 @@ pub fn read(path: &Path, source: &dyn Descriptions, (settings, jobs): Workers) -
     let baseline = own.map_or(BASELINE.to_string(), |at| comparisons.remove(at).title);
 
     let needed: BTreeSet<usize> = terms.iter().map(|t| t.column).chain(limits.iter().map(|l| l.column)).collect();
-    let slim = |runs: Vec<Run>| -> Vec<Run> { runs.into_iter().map(|run| without_columns(run, &needed)).collect() };
+    let slim = |mut runs: Vec<Run>| {
+        runs.iter_mut().for_each(|run| run.keep_columns(&needed));
+        runs
+    };
     Ok(Study {
         name: path.file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned()),
         title: file.title,
@@ -240,15 +243,6 @@ pub fn read(path: &Path, source: &dyn Descriptions, (settings, jobs): Workers) -
             penalty,
         },
     })
-}
-
-fn without_columns(mut run: Run, needed: &BTreeSet<usize>) -> Run {
-    for (index, slot) in run.columns.iter_mut().enumerate() {
-        if !needed.contains(&index) {
-            *slot = None;
-        }
-    }
-    run
 }
 
 fn chosen_runs(file: &File, plan: &Plan, problems: &mut Collector) -> Vec<Run> {

@@ -66,11 +66,7 @@ impl Batch {
     pub fn new(mut plan: Plan, fmus: Fmus) -> Self {
         let metrics = (0..plan.metrics.len()).collect();
         let needed: BTreeSet<usize> = definitions(&plan, &metrics).flat_map(Definition::needed_columns).collect();
-        for (index, slot) in plan.runs.iter_mut().flat_map(|run| run.columns.iter_mut().enumerate()) {
-            if !needed.contains(&index) {
-                *slot = None;
-            }
-        }
+        plan.runs.iter_mut().for_each(|run| run.keep_columns(&needed));
         let baselines = plan.runs.iter().map(|run| baseline(&plan, &metrics, run)).collect();
         Self { baselines, metrics, plan, fmus }
     }

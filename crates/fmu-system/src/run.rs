@@ -13,7 +13,7 @@ use fmu_import::fmu::Binary;
 use fmu_import::loader::{Message, Solver};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -214,6 +214,13 @@ pub struct Run {
 }
 
 impl Run {
+    /// Records only these columns.
+    pub fn keep_columns(&mut self, needed: &BTreeSet<usize>) {
+        for (_, slot) in self.columns.iter_mut().enumerate().filter(|(index, _)| !needed.contains(index)) {
+            *slot = None;
+        }
+    }
+
     /// Indices of the continuous components.
     pub(crate) fn continuous(&self) -> Vec<usize> {
         (0..self.components.len()).filter(|index| !self.components[*index].is_discrete).collect()
