@@ -1,6 +1,6 @@
 //! `chassis run --converge`: estimates how much the results depend on the communication step.
 
-use crate::run::{Arguments, complete, described, grouped, progress_bar};
+use crate::run::{Arguments, OF_STEPS, complete, described, grouped, progress_bar};
 use cargo_fmu::files::write_whole;
 use cargo_fmu::outln;
 use clap::Args;
@@ -15,7 +15,7 @@ use fmu_system::worker::{Failure, Task};
 use miette::{IntoDiagnostic, miette};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 #[derive(Debug, Args)]
 pub(crate) struct Converge {
@@ -52,9 +52,8 @@ pub(crate) fn run(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
     let levels = levels(plan, &fmus, options.sample_times).map_err(|message| miette!("{message}"))?;
     let others = &levels[1..];
-    let bar = progress_bar(plan, others.iter().map(|(simulation, runs)| simulation.steps * runs.len() as u64).sum())?;
-    let printing = bar.clone();
-    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let (bar, lines) = progress_bar(&plan.name, OF_STEPS)?;
+    bar.set_length(others.iter().map(|(simulation, runs)| simulation.steps * runs.len() as u64).sum());
     let pool = arguments.pool(arguments.workers.settings(lines, arguments.jobs.count())?, &fmus);
     let failures = Mutex::new(Vec::new());
     let execute = |(simulation, runs): &fmu_system::converge::Level| {

@@ -6,7 +6,7 @@ use crate::plan::print_warnings;
 use crate::python::{self, Python};
 use crate::selection::{Selection, find_steady_starts};
 use cargo_fmu::files::{try_to_write, write_whole};
-use cargo_fmu::worker;
+use cargo_fmu::worker::{self, Lines};
 use cargo_fmu::{errln, outln};
 use clap::{Args, ValueEnum};
 use fmu_import::terminal::{escaped, indented};
@@ -417,9 +417,8 @@ fn execute(arguments: &Arguments, plan: &Plan, folder: &Path) -> miette::Result<
     try_to_write(folder)?;
     remove_old(plan, folder)?;
     let runs = u64::try_from(plan.runs.len()).into_diagnostic()?;
-    let bar = progress_bar(plan, runs * plan.simulation.steps)?;
-    let printing = bar.clone();
-    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let (bar, lines) = progress_bar(&plan.name, OF_STEPS)?;
+    bar.set_length(runs * plan.simulation.steps);
     // The path is absolute, because an FMU may change the working directory.
     let target = absolute(folder)?;
     let mut settings = arguments.workers.settings(lines, arguments.jobs.count())?;
@@ -538,15 +537,17 @@ fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
     Ok(())
 }
 
-/// A bar that counts steps, shown on a terminal only.
-pub(crate) fn progress_bar(plan: &Plan, steps: u64) -> miette::Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed} (ready in {eta})")
-        .into_diagnostic()?
-        .progress_chars("=> ");
-    let bar = ProgressBar::new(steps).with_style(style);
-    bar.set_message(plan.name.clone());
+/// What a bar that counts steps shows behind it.
+pub(crate) const OF_STEPS: &str = "{percent:>3} % {elapsed} (ready in {eta})";
+
+/// A bar between a message and `shown`, on a terminal only, and what prints a line above it.
+pub(crate) fn progress_bar(message: &str, shown: &str) -> miette::Result<(ProgressBar, Lines)> {
+    let style = ProgressStyle::with_template(&format!("{{msg}} [{{bar:40}}] {shown}")).into_diagnostic()?;
+    let bar = ProgressBar::no_length().with_style(style.progress_chars("=> "));
+    bar.set_message(message.to_owned());
     bar.enable_steady_tick(Duration::from_millis(200));
-    Ok(bar)
+    let printing = bar.clone();
+    Ok((bar, Arc::new(move |line| printing.suspend(|| eprintln!("{line}")))))
 }
 
 /// Prints the number of runs and their duration for each case. `ended` is the number of runs that are shorter, because

@@ -8,17 +8,15 @@ use fmu_assess::{ACTUATORS, SetupError, Subject, Suite};
 use fmu_import::description::{Causality, Value};
 use fmu_import::parameter_set::{Parameter, ParameterSet};
 use fmu_system::resolve::{Descriptions, FmuFolder, fmus_with};
-use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use crate::arguments::{Folders, Jobs, one_of, source};
 use crate::python::{self, Python};
+use crate::run::progress_bar;
 use cargo_fmu::files::{try_to_write, write_whole};
 use cargo_fmu::worker;
 use cargo_fmu::{errln, outln};
@@ -257,12 +255,7 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
         required: arguments.require.clone(),
         jobs: arguments.jobs.count(),
     };
-    let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} maneuvers {elapsed}").into_diagnostic()?;
-    let bar = ProgressBar::no_length().with_style(style.progress_chars("=> "));
-    bar.set_message(subject.plant.clone());
-    bar.enable_steady_tick(Duration::from_millis(200));
-    let printing = bar.clone();
-    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let (bar, lines) = progress_bar(&subject.plant, "{pos}/{len} maneuvers {elapsed}")?;
     let settings = arguments.workers.settings(lines, options.jobs)?;
     let progress = |done: usize, total: usize, runs: usize| {
         bar.set_length(total as u64);
@@ -522,8 +515,7 @@ fn print_loose_ends(assessment: &Assessment, source: &FmuFolder) {
         |verb: &str, names: Option<String>| names.map_or(String::new(), |names| format!("; FMUs that {verb}: {names}"));
     for fmu in &assessment.idle {
         let found = source.find(fmu).ok().flatten();
-        let outputs = found.iter().flat_map(|found| &found.description.variables);
-        let outputs = outputs.filter(|v| v.causality == Causality::Output).map(|v| v.name.as_str());
+        let outputs = found.iter().flat_map(|found| found.description.of(Causality::Output)).map(|v| v.name.as_str());
         let readers = fmus_with(source, Causality::Input, &outputs.collect::<Vec<_>>());
         errln!("warning: {fmu} has no effect: nothing reads its outputs{}", with("read them", readers));
     }
