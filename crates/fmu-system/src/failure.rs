@@ -7,7 +7,7 @@ use fmu_import::loader::{CallProblem, Status};
 use serde::{Deserialize, Serialize};
 
 /// A run that failed, or that an FMU ended before its stop time.
-#[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, thiserror::Error, Serialize, Deserialize)]
 #[error("run {run}{}: {message}", kind.place(*time, component.as_deref()))]
 pub struct Failure {
     /// Id of the run.
@@ -63,22 +63,15 @@ impl Failure {
 
     /// A run that could not be started or whose file could not be written.
     pub fn new(run: &str, message: String) -> Self {
-        Self {
-            run: run.to_owned(),
-            time: None,
-            component: None,
-            variable: None,
-            message,
-            kind: FailureKind::Error,
-            recorded: None,
-        }
+        Self { run: run.to_owned(), message, ..Self::default() }
     }
 }
 
 /// Kind of failure of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FailureKind {
     /// The run could not be started, a call returned an error, or the file of the run could not be written.
+    #[default]
     Error,
     /// A call returned `fmi2Fatal`: no instance of the FMU may be used again in this process.
     Fatal,

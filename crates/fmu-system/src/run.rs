@@ -188,7 +188,7 @@ pub enum Order {
 }
 
 /// A run of one case at one point with one seed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Run {
     /// `case`, `case@point`, `case#seed` or `case@point#seed`.
     pub id: String,

@@ -106,15 +106,11 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
     component.outputs = outputs.iter().enumerate().map(|(slot, variable)| Wire::new(variable, slot)).collect();
     let run = Run {
         id: format!("trial of {}", component.name),
-        case: String::new(),
-        point: None,
-        seed: None,
         components: vec![component],
         initialization: vec![Evaluation::of(0)],
-        series: Vec::new(),
         slots: outputs.len(),
         columns: (0..outputs.len()).map(Some).collect(),
-        binary: None,
+        ..Run::default()
     };
     let Simulation { start, stop, step, steps, step_argument, .. } = *simulation;
     let simulation = Simulation { start, stop, step, steps, step_argument, every: 1, ..Simulation::default() };

@@ -51,7 +51,7 @@ pub struct AskedInterval {
 }
 
 /// Clocks of an instance.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Clocks {
     inputs: Vec<Ticks>,
     /// True between events, when clocked variables cannot be accessed.
@@ -157,18 +157,8 @@ impl Clocks {
         (has_ticks || uses_events).then(|| {
             let inputs = signature.clocks.iter().map(ticks).collect();
             let held = |clock: &(Reference, _)| (clock.0, vec![Held::Other(Value::Boolean(false))]);
-            Box::new(Self {
-                inputs,
-                is_held: false,
-                held: signature.output_clocks.iter().map(held).collect(),
-                pending: Vec::new(),
-                active: Vec::new(),
-                fired: Vec::new(),
-                asked: Vec::new(),
-                next_event: None,
-                is_shared: false,
-                is_in_event: false,
-            })
+            let held = signature.output_clocks.iter().map(held).collect();
+            Box::new(Self { inputs, held, ..Self::default() })
         })
     }
 
