@@ -24,6 +24,8 @@ const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]
 const EXPORT: &str = "FMU_EXPORT_";
 /// Prefix of the environment variable with the path of the dependencies, for FMI 3.0.
 const DEPENDENCIES: &str = "FMU_DEPENDENCIES_";
+/// The word in the variable of an export with which a discrete-time model without clocks of its own gets one.
+const CLOCKS: &str = "clocks=true";
 
 #[derive(Default)]
 struct Keys {
@@ -136,7 +138,9 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         Kind::Stateful => None,
         _ => clocks::lift(&mut block.items, &block.self_ty, kind, &root, errors),
     };
-    let is_clocked = kind == Kind::Discrete && clocks.is_some();
+    let is_sampled = kind == Kind::Discrete && clocks.is_none();
+    let wants_clocks = wanted().1.split(' ').any(|word| word == CLOCKS);
+    let is_clocked = kind == Kind::Discrete && (!is_sampled || wants_clocks);
     let runner = if is_clocked { quote!(ClockedModel) } else { runner };
     forgotten::complete(&mut block.items, kind, &root, errors);
     let declared = block.items.clone();
@@ -237,10 +241,19 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             _ => 0,
         };
         let export = export(&block.self_ty, &root, &runner, options);
+        let model = &block.self_ty;
+        let sampled = is_sampled.then(|| {
+            quote! {
+                impl #root::Clocked for #model {
+                    type Schedules = [#root::Schedule; 1];
+                    type Timers = #root::NoTimer;
+                }
+            }
+        });
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
         let names = shared_names(kind, &block, &root);
-        quote!(#block #clocks #export #numbers #starts #names)
+        quote!(#block #clocks #sampled #export #numbers #starts #names)
     } else {
         quote!(#block #clocks)
     }
@@ -414,7 +427,7 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, options: usize
     let packed = Packed::parse(&wanted).filter(|packed| packed.name == name);
     let (symbols, facts, values) = match &packed {
         Some(packed) => packed.export(model, root),
-        None if wanted == "describe" => (description(&name, model, root), quote!(), [true; 2]),
+        None if wanted.starts_with("describe") => (description(&name, model, root), quote!(), [true; 2]),
         None => (quote!(), quote!(), [true; 2]),
     };
     let options = values.iter().take(options);
@@ -487,6 +500,7 @@ impl<'a> Packed<'a> {
             Self { name, guid: words.next()?, version: 2, interfaces: Vec::new(), indicators: 0, arrays: false };
         for word in words {
             match word.split_once('=')? {
+                _ if word == CLOCKS => {}
                 ("fmi", version) => packed.version = version.parse().ok()?,
                 ("interfaces", list) => packed.interfaces = list.split(',').collect(),
                 ("arrays", value) => packed.arrays = value.parse().ok()?,

@@ -2,8 +2,9 @@
 
 use std::marker::PhantomData;
 
+use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{Word, Words};
-use crate::model::{Continuous, Discrete};
+use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::MOST_PARTS;
 use crate::store::ValueStore;
 use crate::timeline::slack;
@@ -180,6 +181,14 @@ pub struct InputClock {
     pub priority: Option<u32>,
 }
 
+/// The clock of a discrete-time model without clocks of its own, with `cargo fmu pack --clocks`.
+pub(crate) const SAMPLE: InputClock = InputClock {
+    name: "sample",
+    description: "Takes a sample",
+    timing: Timing::periodic(Interval::Of(SAMPLE_TIME.name), None, Setting::Never),
+    priority: Some(0),
+};
+
 /// Returns true if there are clocks, and all have a priority.
 pub(crate) const fn have_priorities(clocks: &[InputClock]) -> bool {
     let mut at = 0;
@@ -192,17 +201,21 @@ pub(crate) const fn have_priorities(clocks: &[InputClock]) -> bool {
     at > 0
 }
 
-/// A discrete-time model with clocks. [`model`](macro@crate::model) implements it.
+/// A discrete-time model that [`ClockedModel`](crate::runner::ClockedModel) can run. [`model`](macro@crate::model)
+/// implements it.
 pub trait Clocked: Discrete<Outputs: Send> {
-    /// The input clocks, in the order of the methods.
-    const CLOCKS: &'static [InputClock];
+    /// The input clocks, in the order of the methods. A model without them can be packed with [`SAMPLE`].
+    const CLOCKS: &'static [InputClock] = &[];
     /// A schedule per input clock.
     type Schedules: Schedules;
     /// The clocks that [`TickOf::start`] can start.
     type Timers: Into<usize>;
 
-    /// Runs the method of the input clock with this position in [`Self::CLOCKS`].
-    fn tick(&self, clock: usize, tick: DiscreteTick<'_, Self>);
+    /// Runs the method of the input clock with this position in [`Self::CLOCKS`]; without clocks, takes one sample.
+    fn tick(&self, _clock: usize, tick: DiscreteTick<'_, Self>) {
+        let TickOf { time, state, inputs, derived, .. } = tick;
+        *tick.outputs = self.update(Sample { time, state, inputs, derived });
+    }
 }
 
 /// A schedule per input clock.
@@ -311,7 +324,7 @@ pub struct Schedule {
     /// Time in s from which the ticks of a periodic clock are counted.
     base: f64,
     /// Number of the next tick since `base`.
-    count: u64,
+    pub(crate) count: u64,
     /// Time of the last tick, or of the start, in s.
     last: f64,
     /// Time of the next tick in s; infinite if it is not known.

@@ -3,16 +3,17 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, settable};
+use super::{Context, Kind, MOST_PARTS, Model, Run, Step, Update, check_discrete, check_reals, layout, settable};
 use crate::clocks::{self, Clocked, InputClock, MOST_AT_ONCE, Schedule, TickOf, Timing, too_often};
+use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
-use crate::model::{Info, Sample};
+use crate::model::{Influence, Info, Sample};
 use crate::store::{Counts, ValueStore};
 use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Layout, declare_clock};
 use crate::variables::{Derived as _, Variables as _};
 
-/// Runs a [`Discrete`](crate::Discrete) model with clocks.
+/// Runs a [`Discrete`](crate::Discrete) model with clocks. A model without clocks of its own gets [`clocks::SAMPLE`].
 pub struct ClockedModel<M>(PhantomData<M>);
 
 /// Discrete state and schedules.
@@ -58,7 +59,7 @@ impl<M: Clocked> ClockedModel<M> {
         active: u64,
     ) -> Result<(), String> {
         // First, so that a clock that is started at this event ticks at another one.
-        clocks::advance(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, (active, time));
+        clocks::advance(Self::CLOCKS, part.schedules.as_mut(), ctx.layout, values, (active, time));
         Self::run_parts(ctx, part, values, time, active)
     }
 
@@ -73,7 +74,7 @@ impl<M: Clocked> ClockedModel<M> {
         let Context { p, derived, layout, .. } = *ctx;
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let mut outputs = M::Outputs::read(values.view(), layout.outputs.at);
-        for clock in (0..M::CLOCKS.len()).filter(|clock| active >> clock & 1 != 0) {
+        for clock in (0..Self::CLOCKS.len()).filter(|clock| active >> clock & 1 != 0) {
             let (due, interval) = part.schedules.as_ref()[clock].present;
             p.check(&Sample { time: due, state: &mut part.state, inputs, derived })?;
             let (schedules, mut fault) = (part.schedules.as_mut(), None);
@@ -86,7 +87,7 @@ impl<M: Clocked> ClockedModel<M> {
                 derived,
                 continuous: &mut (),
                 schedules,
-                clocks: M::CLOCKS,
+                clocks: Self::CLOCKS,
                 timers: PhantomData,
                 clock,
                 event: time,
@@ -129,7 +130,7 @@ impl<M: Clocked> ClockedModel<M> {
     fn run_ticks(run: Run<'_, Self>, end: f64, step: f64) -> Result<Part<M>, String> {
         let Run { ctx, run, values } = run;
         let mut part = run.part.clone();
-        clocks::update_intervals(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
+        clocks::update_intervals(Self::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         let (mut all, mut at_once, mut last) = (0.0, 0, f64::NEG_INFINITY);
         let mut fired = 0;
         loop {
@@ -159,7 +160,9 @@ impl<M: Clocked> Model for ClockedModel<M> {
     const SETTABLE: Counts = settable::<M, M::Inputs, M::Outputs>();
     const KIND: Kind = Kind::Discrete;
     const HAS_EVENTS: bool = true;
-    const CLOCKS: &'static [InputClock] = M::CLOCKS;
+    const SOURCE: Option<Influence> = if M::CLOCKS.is_empty() { M::SOURCE } else { None };
+    const FOLLOWS: Influence = M::FOLLOWS;
+    const CLOCKS: &'static [InputClock] = if M::CLOCKS.is_empty() { &[clocks::SAMPLE] } else { M::CLOCKS };
     type Parameters = M;
     type Derived = M::Derived;
     type RunnerState = ClockedRun<M>;
@@ -170,12 +173,21 @@ impl<M: Clocked> Model for ClockedModel<M> {
             sized: M::HAS_STRUCTURE.then_some(Layout::sized_arrays),
             inputs: M::Inputs::declarations(),
             outputs: M::Outputs::declarations(),
-            clocks: M::CLOCKS.iter().map(declare_clock).collect(),
+            clocks: Self::CLOCKS.iter().map(declare_clock).collect(),
             ..Declarations::default()
         };
         M::Derived::declare(&mut declared.derived);
         declared.declare_clocked::<M::State>();
-        Layout::new(declared)
+        if !M::CLOCKS.is_empty() {
+            return Layout::new(declared);
+        }
+        let variables = declared.inputs.iter_mut().chain(&mut declared.outputs);
+        let clocked = variables.filter(|variable| !variable.details.constant);
+        clocked.for_each(|variable| variable.details.clocks = &[clocks::SAMPLE.name]);
+        let mut layout = layout(declared, Some((SAMPLE_TIME, M::INFO.step_size)));
+        // The schedule of the clock counts the samples, not the timeline.
+        layout.solver = None;
+        layout
     }
 
     fn load(p: &M, resources: &Path) -> Result<M::Derived, String> {
@@ -187,7 +199,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     }
 
     fn init(ctx: Context<'_, Self>, _: &Path, values: &ValueStore) -> Result<ClockedRun<M>, String> {
-        let schedules = clocks::first(M::CLOCKS, ctx.layout, values, ctx.time)?;
+        let schedules = clocks::first(Self::CLOCKS, ctx.layout, values, ctx.time)?;
         Ok(ClockedRun { part: Part { state: ctx.p.initial_state(ctx.derived), schedules }, evaluated: None })
     }
 
@@ -198,7 +210,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     fn activate(Run { ctx, run, values }: Run<'_, Self>, clock: usize, time: f64) -> Result<bool, String> {
         Self::update_intervals(Run { ctx, run: &mut *run, values: &mut *values })?;
         let mut part = run.part.clone();
-        part.schedules.as_mut()[clock].activate(&clocks::present(M::CLOCKS, clock, ctx.layout, values), time)?;
+        part.schedules.as_mut()[clock].activate(&clocks::present(Self::CLOCKS, clock, ctx.layout, values), time)?;
         let before = M::Outputs::read(values.view(), ctx.layout.outputs.at);
         // Ticks of output clocks that the importer has not asked for.
         let unread = Self::fired(ctx.layout, values);
@@ -207,7 +219,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
             .inspect_err(|_| before.write(&mut values.view_mut(), ctx.layout.outputs.at))?;
         let fired = Self::fired(ctx.layout, values);
         Self::add_fired(ctx.layout, values, unread);
-        let mut schedules = part.schedules.as_ref().iter().zip(run.part.schedules.as_ref()).zip(M::CLOCKS);
+        let mut schedules = part.schedules.as_ref().iter().zip(run.part.schedules.as_ref()).zip(Self::CLOCKS);
         let is_started = schedules.any(|((now, before), clock)| {
             matches!(clock.timing, Timing::Countdown(_)) && now.is_new && now.next.is_finite() && now != before
         });
@@ -227,8 +239,13 @@ impl<M: Clocked> Model for ClockedModel<M> {
         Ok(None)
     }
 
-    fn outputs(Context { layout, .. }: Context<'_, Self>, run: &ClockedRun<M>, values: &mut ValueStore) {
+    fn outputs(Context { p, derived, layout, time }: Context<'_, Self>, run: &ClockedRun<M>, values: &mut ValueStore) {
         let now = run.evaluated.as_ref().map_or(&run.part, |(part, _)| part);
+        // Until its first sample, a source has outputs that follow from its parameters.
+        if Self::SOURCE.is_some() && now.schedules.as_ref()[0].count == 0 {
+            let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+            p.start(time, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
+        }
         now.state.write(&mut values.view_mut(), layout.clocked.at);
         run.part.state.write(&mut values.view_mut(), layout.previous.at);
     }
@@ -264,7 +281,7 @@ impl<M: Clocked> Model for ClockedModel<M> {
     fn handle_events(Run { ctx, run, values }: Run<'_, Self>, _: &mut Timeline) -> Result<Update, String> {
         Self::evaluate_clocks(Run { ctx, run, values })?;
         let part = run.evaluated.as_mut().map_or(&mut run.part, |(part, _)| part);
-        clocks::update_intervals(M::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
+        clocks::update_intervals(Self::CLOCKS, part.schedules.as_mut(), ctx.layout, values, ctx.time)?;
         if let Some((part, _)) = run.evaluated.take() {
             run.part = part;
         }

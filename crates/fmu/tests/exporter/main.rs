@@ -26,6 +26,7 @@ mod models;
 mod numbers;
 mod one_version;
 mod resources;
+mod sampled;
 mod scheduled;
 mod settable_clocks;
 mod sizes;
