@@ -56,6 +56,8 @@ impl Options {
 const EXPORT: &str = "FMU_EXPORT_";
 /// Prefix of the environment variable with the path of the dependencies that this macro builds in.
 const DEPENDENCIES: &str = "FMU_DEPENDENCIES_";
+/// The word in the variable of an export with which a discrete-time model without clocks of its own gets one.
+const CLOCKS: &str = "clocks=true";
 
 #[derive(Clone, Debug)]
 pub(crate) struct Export {
@@ -68,16 +70,19 @@ pub(crate) struct Export {
     pub(crate) indicators: usize,
     /// True if arrays are variables with dimensions, not one scalar per element (FMI 3.0).
     pub(crate) arrays: bool,
+    /// True if discrete-time models without clocks of their own get one (FMI 3.0).
+    pub(crate) clocks: bool,
     /// Dependencies of the equations as text, for FMI 3.0.
     pub(crate) dependencies: Option<String>,
 }
 
 impl std::fmt::Display for Export {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { model, guid, version, interfaces, indicators, arrays, .. } = self;
+        let Self { model, guid, version, interfaces, indicators, arrays, clocks, .. } = self;
         let interfaces: Vec<_> = interfaces.iter().map(|interface| format!("{interface:?}").to_lowercase()).collect();
         let interfaces = interfaces.join(",");
-        write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")
+        write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")?;
+        if *clocks { write!(f, " {CLOCKS}") } else { Ok(()) }
     }
 }
 
@@ -124,9 +129,15 @@ const DESCRIBE_PROFILE: [&str; 4] = [
     "profile.fmu-describe.incremental=false",
 ];
 
-/// Builds libraries that describe their models, and returns them in the order of the models.
-pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: &Options) -> Result<Vec<PathBuf>> {
+/// Builds libraries that describe their models, and returns them in the order of the models. See [`Export::clocks`].
+pub(crate) fn for_description(
+    workspace: &Workspace,
+    models: &[Model],
+    options: &Options,
+    clocks: bool,
+) -> Result<Vec<PathBuf>> {
     let mut libraries = BTreeMap::new();
+    let wanted = if clocks { format!("describe {CLOCKS}") } else { "describe".to_owned() };
     for round in rounds(models) {
         let mut command = cargo();
         command.args(["build", "--profile", "fmu-describe", "--target-dir"]).arg(workspace.target.join("fmu-build"));
@@ -135,7 +146,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
         command.env_remove("CARGO_BUILD_TARGET").args(["--target", &host()?]);
         options.apply(&mut command);
         for &model in &round {
-            command.env(format!("{EXPORT}{}", model.library), "describe");
+            command.env(format!("{EXPORT}{}", model.library), &wanted);
         }
         let built = artifacts(&carry_out(command, workspace, &round, &[])?)?;
         libraries.extend(kept(&built, &round, &workspace.target.join("fmu-build/described"))?);

@@ -65,6 +65,14 @@ pub struct Settings {
     /// --fmi 3
     #[arg(long)]
     arrays: bool,
+    /// Give discrete-time models an input clock, `sample`, which the importer activates in Event Mode at each sample
+    /// time; requires --fmi 3
+    ///
+    /// All inputs and outputs belong to the clock. Its interval is the parameter `sample_time`. Such FMUs have
+    /// co-simulation and scheduled execution, but no model exchange. Models that are not discrete-time, and models with
+    /// clocks of their own, stay as they are.
+    #[arg(long)]
+    clocks: bool,
     /// Folder for the FMUs [default: target/fmu, with --fmi 3 target/fmu3]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
@@ -82,14 +90,16 @@ pub struct Settings {
 
 impl Settings {
     fn format(&self) -> Result<Format> {
-        for (is_given, what) in
-            [(self.arrays, "arrays"), (self.interfaces.contains(&Interface::Se), "scheduled execution")]
-        {
+        for (is_given, what) in [
+            (self.arrays, "arrays"),
+            (self.clocks, "clocks"),
+            (self.interfaces.contains(&Interface::Se), "scheduled execution"),
+        ] {
             if is_given && self.fmi == 2 {
                 return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no {what}"));
             }
         }
-        Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays })
+        Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays, clocks: self.clocks })
     }
 
     fn folder(&self, workspace: &Workspace) -> PathBuf {
@@ -268,6 +278,7 @@ struct Format {
     /// Empty for all interfaces that the model has.
     interfaces: Vec<Interface>,
     arrays: bool,
+    clocks: bool,
 }
 
 impl Format {
@@ -314,6 +325,7 @@ impl Description {
             interfaces: [Interface::Cs, Interface::Me, Interface::Se].into_iter().filter(has).collect(),
             indicators: self.parsed.number_of_event_indicators,
             arrays: format.arrays,
+            clocks: format.clocks,
             dependencies: self.dependencies.clone(),
         }
     }
@@ -326,7 +338,7 @@ fn describe(
     format: &Format,
     options: &build::Options,
 ) -> Result<(Vec<Model>, Vec<Description>)> {
-    let libraries = build::for_description(workspace, &models, options)?;
+    let libraries = build::for_description(workspace, &models, options, format.clocks)?;
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
