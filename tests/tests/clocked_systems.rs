@@ -354,6 +354,70 @@ impl Continuous for Drive {
 }
 "#;
 
+/// A discrete-time model without clocks, with a state.
+const REGULATOR: &str = r#"
+#[derive(Parameters)]
+pub struct Regulator;
+
+#[derive(Inputs)]
+pub struct U {
+    /// Level (m)
+    level: f64,
+}
+
+#[derive(Outputs)]
+pub struct Y {
+    /// Rate of the level (m/s)
+    rate: f64,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+pub struct X {
+    integral: f64,
+}
+
+/// Regulator of a level
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Regulator {
+    type Inputs = U;
+    type Outputs = Y;
+    type State = X;
+    fn update(&self, sample: Sample<Self>) -> Y {
+        let error = (0.3 * sample.time).sin() - sample.inputs.level;
+        sample.state.integral += 0.1 * error;
+        Y { rate: 0.9 * error + sample.state.integral }
+    }
+}
+"#;
+
+/// The plant of the regulator.
+const TANK: &str = r#"
+#[derive(Parameters)]
+pub struct Tank;
+
+#[derive(Inputs)]
+pub struct U<T> {
+    /// Rate of the level (m/s)
+    rate: T,
+}
+
+#[derive(State)]
+pub struct X<T> {
+    /// Level (m)
+    level: T,
+}
+
+/// Tank
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Tank {
+    type Inputs<T: Scalar> = U<T>;
+    type State<T: Scalar> = X<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { level: at.inputs.rate - at.state.level * 0.1 }
+    }
+}
+"#;
+
 /// The packed FMUs, which all tests share.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
@@ -370,23 +434,68 @@ fn folder() -> &'static Path {
             ("drive", DRIVE),
         ];
         for (name, source) in models {
-            let package = folder.join(name);
-            let exporter = workspace().join("crates/fmu");
-            let manifest = format!(
-                "[package]\nname = \"{name}\"\nversion = \"1.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n\
-                 [lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]\nfmu = {{ path = {exporter:?} }}\n"
-            );
-            std::fs::create_dir_all(package.join("src")).expect("a folder");
-            std::fs::write(package.join("Cargo.toml"), manifest).expect("a file");
-            std::fs::write(package.join("src/lib.rs"), format!("use fmu::prelude::*;\n{source}")).expect("a file");
-            let mut command = Command::new(cargo_fmu());
-            command.current_dir(&package).args(["pack", "--fmi", "3", "--debug", "--out", "../out"]);
-            command.env("CARGO_TARGET_DIR", workspace().join("target/foreign"));
-            command.env("CARGO_NET_OFFLINE", "true").env("CARGO_PROFILE_DEV_DEBUG", "none");
-            successful(&mut command);
+            pack(&folder, name, source, &["--out", "../out"]);
         }
         folder.join("out")
     })
+}
+
+fn pack(folder: &Path, name: &str, source: &str, options: &[&str]) {
+    let package = folder.join(name);
+    let exporter = workspace().join("crates/fmu");
+    let manifest = format!(
+        "[package]\nname = \"{name}\"\nversion = \"1.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n\
+         [lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]\nfmu = {{ path = {exporter:?} }}\n"
+    );
+    std::fs::create_dir_all(package.join("src")).expect("a folder");
+    std::fs::write(package.join("Cargo.toml"), manifest).expect("a file");
+    std::fs::write(package.join("src/lib.rs"), format!("use fmu::prelude::*;\n{source}")).expect("a file");
+    let mut command = Command::new(cargo_fmu());
+    command.current_dir(&package).args(["pack", "--fmi", "3", "--debug"]).args(options);
+    command.env("CARGO_TARGET_DIR", workspace().join("target/foreign"));
+    command.env("CARGO_NET_OFFLINE", "true").env("CARGO_PROFILE_DEV_DEBUG", "none");
+    successful(&mut command);
+}
+
+/// `pack --clocks`. Reference: the same system with FMUs that were packed without the option.
+#[test]
+fn a_regulator_that_is_packed_with_a_clock_gives_the_same_numbers() {
+    let folder = workspace().join("target/packed_with_clocks");
+    for (name, source) in [("regulator", REGULATOR), ("tank", TANK), ("sampler", SAMPLER)] {
+        pack(&folder, name, source, &["--out", "../plain"]);
+        pack(&folder, name, source, &["--out", "../clocked", "--clocks"]);
+    }
+    let [plain, clocked] = ["plain", "clocked"].map(|name| folder.join(name));
+    let fmu = |folder: &Path, name: &str| fmu_import::fmu::Fmu::open(folder.join(name)).expect("an FMU");
+    let clocks = |folder: &Path| {
+        fmu(folder, "Regulator.fmu").description().clocks.iter().map(|clock| clock.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!((clocks(&plain), clocks(&clocked)), (vec![], vec!["sample".to_owned()]));
+    for name in ["Tank.fmu", "Sampler.fmu"] {
+        let guid = |folder: &Path| fmu(folder, name).description().guid.clone();
+        assert_eq!(guid(&plain), guid(&clocked), "{name} stays as it is");
+    }
+    for (order, step) in ORDERS.into_iter().flat_map(|order| [0.1, 0.02].map(|step| (order, step))) {
+        let components = ["regulator = Regulator", "tank = Tank"];
+        let text = scenario(&components, &[], [step, 5.0], order);
+        let columns = [&plain, &clocked].map(|folder| {
+            let found = resolve_text(Path::new("clocks.toml"), &text, &FmuFolder::new([folder]), &Options::default());
+            let plan = found.unwrap_or_else(|error| panic!("{}", error.lines().join("\n")));
+            let recording = execute(&plan).unwrap_or_else(|error| panic!("{error}"));
+            (0..plan.columns.len()).map(|index| recording.column(index).expect("a column").to_vec()).collect::<Vec<_>>()
+        });
+        assert!(columns[0].len() >= 2 && columns[0].iter().flatten().any(|value| *value != 0.0));
+        assert_eq!(columns[0], columns[1], "{order}, {step} s");
+    }
+    let mut command = Command::new(cargo_fmu());
+    let checked = successful(command.args(["fmu", "check"]).arg(clocked.join("Regulator.fmu")));
+    assert!(format!("{checked:?}").contains("no error, no warning"), "{checked:?}");
+    // FMI 2.0 has no clocks; the message says what to do.
+    let mut command = Command::new(cargo_fmu());
+    let output = command.current_dir(folder.join("regulator")).args(["pack", "--clocks"]).output().expect("it starts");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && message.contains("FMI 2.0 has no clocks"), "{message}");
+    assert!(message.contains("Add --fmi 3."), "{message}");
 }
 
 /// A scenario from components (`name = FMU key = value; key = value`) and connections (`from -> to`).
