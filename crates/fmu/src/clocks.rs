@@ -204,7 +204,8 @@ pub(crate) const fn have_priorities(clocks: &[InputClock]) -> bool {
 /// A discrete-time model that [`ClockedModel`](crate::runner::ClockedModel) can run. [`model`](macro@crate::model)
 /// implements it.
 pub trait Clocked: Discrete<Outputs: Send> {
-    /// The input clocks, in the order of the methods. A model without them can be packed with [`SAMPLE`].
+    /// The input clocks, in the order of the methods. A model without them can be packed with the clock
+    /// `sample`, which ticks at its sample times.
     const CLOCKS: &'static [InputClock] = &[];
     /// A schedule per input clock.
     type Schedules: Schedules;

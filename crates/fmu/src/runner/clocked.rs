@@ -13,7 +13,8 @@ use crate::timeline::{Timeline, slack};
 use crate::variable::{Declarations, Layout, declare_clock};
 use crate::variables::{Derived as _, Variables as _};
 
-/// Runs a [`Discrete`](crate::Discrete) model with clocks. A model without clocks of its own gets [`clocks::SAMPLE`].
+/// Runs a [`Discrete`](crate::Discrete) model with clocks. A model without clocks of its own gets the clock
+/// `sample`, which ticks at its sample times.
 pub struct ClockedModel<M>(PhantomData<M>);
 
 /// Discrete state and schedules.
