@@ -28,6 +28,7 @@ pages! {
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
     steady_states = "src/steady-states.md",
+    comparison = "src/comparison.md",
     convergence = "src/convergence.md",
     untrusted = "src/untrusted.md",
     studies = "src/studies.md",

@@ -13,13 +13,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .comparison import compare
     from .env import Env
     from .linear import SteadyState, linearize, trim
     from .scenario import Outcome, RunError, Scenario, ScenarioError, fmus
 
-__all__ = ["Env", "Outcome", "RunError", "Scenario", "ScenarioError", "SteadyState", "fmus", "linearize", "trim"]
+__all__ = [
+    "Env",
+    "Outcome",
+    "RunError",
+    "Scenario",
+    "ScenarioError",
+    "SteadyState",
+    "compare",
+    "fmus",
+    "linearize",
+    "trim",
+]
 
-_MODULES = {"Env": "env", "SteadyState": "linear", "linearize": "linear", "trim": "linear"}
+_MODULES = {"Env": "env", "compare": "comparison", "SteadyState": "linear", "linearize": "linear", "trim": "linear"}
 
 
 def __getattr__(name: str) -> Any:

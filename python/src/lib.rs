@@ -2,6 +2,7 @@
 //! declares the types for Python.
 
 mod algebraic;
+mod comparison;
 mod metrics;
 mod session;
 mod system;
@@ -12,6 +13,8 @@ use pyo3::pymodule;
 mod _native {
     #[pymodule_export]
     use super::algebraic::{NoSolutionError, solve};
+    #[pymodule_export]
+    use super::comparison::compare;
     #[pymodule_export]
     use super::metrics::{
         MetricError, cross, formula, holds, is_enough, limits, number, running, scientific, spectrum, transfer, unit,

@@ -10,7 +10,7 @@ LAYERS = (
     ("_native", "program", "terminal"),
     ("__main__",),
     ("files",),
-    ("execution", "evaluation", "scenario"),
+    ("comparison", "execution", "evaluation", "scenario"),
     ("env", "linear", "report"),
     ("app", "assess", "tuning"),
     ("study",),
