@@ -1,7 +1,7 @@
 //! Comparison of signals in NumPy arrays. `chassis_fmu.comparison` is the interface in Python and checks the arrays.
 
 use crate::metrics::Array;
-use fmu_system::comparison::{Comparison, Metrics, Samples, Tolerance, Tube};
+use fmu_system::comparison::{Comparison, Metrics, Samples, Tube};
 use pyo3::prelude::*;
 
 #[pyfunction]
@@ -9,13 +9,13 @@ pub(crate) fn compare(
     simulated: (Array<'_>, Array<'_>),
     measured: (Array<'_>, Array<'_>),
     window: Option<[f64; 2]>,
-    tolerance: Option<(f64, f64)>,
+    tolerance: Option<[f64; 2]>,
     tube: Option<(f64, Option<f64>)>,
     max_shift: Option<f64>,
 ) -> PyResult<Metrics> {
     let comparison = Comparison {
         window,
-        tolerance: tolerance.map(|(absolute, relative)| Tolerance { absolute, relative }),
+        tolerance,
         tube: tube.map(|(first, height)| height.map_or(Tube::Relative(first), |height| Tube::Size(first, height))),
         max_shift,
     };

@@ -3,7 +3,7 @@
 use cargo_fmu::outln;
 use clap::Args;
 use fmu_assess::json;
-use fmu_system::comparison::{Comparison, Samples, Tolerance, Tube};
+use fmu_system::comparison::{Comparison, Samples, Tube};
 use fmu_system::data::unit::Target;
 use fmu_system::data::{Channel, DataError, Duplicates, Format, Signal, Table, TimeColumn};
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
 
     /// Tolerance of `share_within`: absolute, or absolute and relative (1 for 100 %)
     #[arg(long, value_name = "ABSOLUTE[,RELATIVE]", value_parser = tolerance)]
-    tolerance: Option<Tolerance>,
+    tolerance: Option<[f64; 2]>,
 
     /// Tube around the measurement: half width in s and half height, or one number for both relative to its extent
     #[arg(long, value_name = "WIDTH,HEIGHT", value_parser = tube)]
@@ -55,10 +55,10 @@ fn positive(text: &str) -> Result<f64, String> {
     if number > 0.0 { Ok(number) } else { Err("must be above 0".to_owned()) }
 }
 
-fn tolerance(text: &str) -> Result<Tolerance, String> {
+fn tolerance(text: &str) -> Result<[f64; 2], String> {
     match numbers(text)?[..] {
-        [absolute] if absolute >= 0.0 => Ok(Tolerance { absolute, relative: 0.0 }),
-        [absolute, relative] if absolute.min(relative) >= 0.0 => Ok(Tolerance { absolute, relative }),
+        [absolute] if absolute >= 0.0 => Ok([absolute, 0.0]),
+        [absolute, relative] if absolute.min(relative) >= 0.0 => Ok([absolute, relative]),
         _ => Err("give one or two numbers that are not below 0".to_owned()),
     }
 }

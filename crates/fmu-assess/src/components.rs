@@ -73,7 +73,7 @@ impl Component {
         let Some(needed) = signals::unit(signal) else { return Ok(value) };
         let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));
         let found = found.map_err(|unit| format!("`{}` is in {unit}, but the bench writes {needed}", variable.name))?;
-        Ok(found.map_or(value, |conversion| conversion.of_si(value)))
+        Ok(found.map_or(value, |conversion| conversion.inverse_of(value)))
     }
 }
 

@@ -1,9 +1,10 @@
 //! The plant of a system, whose signals can have other names and units than the bench's.
 
 use crate::components::{Component, SetupError, TIME};
-use crate::signals::{self, Conversion, conversion};
+use crate::signals::{self, conversion};
 use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_system::master::Recording;
+use fmu_system::run::Linear;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Deref;
@@ -50,7 +51,7 @@ pub(crate) struct Plant {
     /// Real parameters set by the caller.
     set: BTreeMap<String, f64>,
     /// Conversions for outputs that are not in the bench's unit.
-    conversions: BTreeMap<String, Conversion>,
+    conversions: BTreeMap<String, Linear>,
     /// Signals without a declared unit, and the unit that is assumed for them.
     pub(crate) assumed: BTreeMap<String, &'static str>,
 }
@@ -115,7 +116,7 @@ impl Plant {
             };
             let found = conversion(needed, plant.description(), variable, None);
             let found = found.map_err(|unit| wrong_unit(&plant.component, variable, name, &unit, needed))?;
-            plant.data.insert(name, found.map_or(value, |conversion| conversion.to_si(value)));
+            plant.data.insert(name, found.map_or(value, |conversion| conversion.of(value)));
         }
         Ok(plant)
     }
@@ -162,7 +163,7 @@ impl Plant {
                 && recording.column(index).is_some()
                 && let Some(Some(column)) = recording.to_mut().columns.get_mut(index)
             {
-                column.iter_mut().for_each(|value| *value = conversion.to_si(*value));
+                column.iter_mut().for_each(|value| *value = conversion.of(*value));
             }
         }
         recording

@@ -3,6 +3,7 @@
 use crate::evaluators::EVALUATORS;
 use fmu_import::description::{BaseUnit, ModelDescription, Variable};
 use fmu_system::data::unit::{find, is_same_without_angle};
+use fmu_system::run::Linear;
 
 /// Recorded signals that no evaluator reads.
 const OTHERS: [(&str, &str); 6] = [
@@ -41,28 +42,6 @@ pub fn unit(signal: &str) -> Option<&'static str> {
     columns.chain(OTHERS).chain(WRITTEN).find(is_meant).map(|(_, unit)| unit)
 }
 
-/// SI value = `factor` * value + `offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Conversion {
-    factor: f64,
-    offset: f64,
-}
-
-impl Conversion {
-    pub(crate) fn to_si(self, value: f64) -> f64 {
-        value * self.factor + self.offset
-    }
-
-    pub(crate) fn of_si(self, value: f64) -> f64 {
-        (value - self.offset) / self.factor
-    }
-
-    /// `None` if no conversion is needed.
-    fn new(factor: f64, offset: f64) -> Option<Self> {
-        ((factor, offset) != (1.0, 0.0)).then_some(Self { factor, offset })
-    }
-}
-
 /// The conversion of a variable to the unit `needed`; `None` if it has this unit or no unit. `given` is a unit set by
 /// the caller, which takes precedence over the declared unit.
 ///
@@ -73,7 +52,7 @@ pub(crate) fn conversion(
     description: &ModelDescription,
     variable: &Variable,
     given: Option<&str>,
-) -> Result<Option<Conversion>, String> {
+) -> Result<Option<Linear>, String> {
     let exponents = find(needed).map_or([0; 8], |unit| unit.exponents);
     let Some(name) = given.or(variable.unit.as_deref()) else { return Ok(None) };
     let of_description = if given.is_none() { description.unit(name).and_then(|unit| unit.base) } else { None };
@@ -83,7 +62,8 @@ pub(crate) fn conversion(
             if declared == exponents || (is_same_without_angle(declared, exponents) && name == needed) =>
         {
             if factor.is_finite() && factor != 0.0 && offset.is_finite() {
-                return Ok(Conversion::new(factor, if variable.relative_quantity { 0.0 } else { offset }));
+                let linear = Linear { factor, offset: if variable.relative_quantity { 0.0 } else { offset } };
+                return Ok((linear != Linear::IDENTITY).then_some(linear));
             }
             Err(format!("{name}, whose factor is {factor} and whose offset is {offset}"))
         }

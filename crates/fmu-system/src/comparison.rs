@@ -13,21 +13,12 @@ const CONSTANT: f64 = 1e-12;
 pub struct Comparison {
     /// Interval of the reference, ends included; `None` for all samples.
     pub window: Option<[f64; 2]>,
-    /// Tolerance of `share_within`.
-    pub tolerance: Option<Tolerance>,
+    /// Tolerance of `share_within` for a sample `y`: its parts in absolute + relative · |y|, 1 for 100 %.
+    pub tolerance: Option<[f64; 2]>,
     /// Tube around the reference.
     pub tube: Option<Tube>,
     /// Largest time shift that is tried; `None` for no `shift`.
     pub max_shift: Option<f64>,
-}
-
-/// Tolerance of a sample `y`: absolute + relative · |y|.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Tolerance {
-    /// Absolute part.
-    pub absolute: f64,
-    /// Relative part, 1 for 100 %.
-    pub relative: f64,
 }
 
 /// Half width and half height of a tube around the reference.
@@ -98,9 +89,8 @@ impl Comparison {
         add("correlation", pearson(y, &s));
         add("shift", self.max_shift.filter(|_| t.len() > 1).and_then(|max| shift(t, y, &s, max)));
         let share = |inside: &dyn Fn(usize) -> bool| (0..t.len()).filter(|i| inside(*i)).count() as f64 / count;
-        let within = self
-            .tolerance
-            .map(|Tolerance { absolute, relative }| share(&|i| e[i].abs() <= absolute + relative * y[i].abs()));
+        let within =
+            self.tolerance.map(|[absolute, relative]| share(&|i| e[i].abs() <= absolute + relative * y[i].abs()));
         add("share_within", within);
         let size = self.tube.map(|tube| match tube {
             Tube::Size(width, height) => (width, height),

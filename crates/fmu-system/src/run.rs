@@ -472,10 +472,16 @@ pub struct Linear {
 
 impl Linear {
     /// Does not change a value.
-    pub(crate) const IDENTITY: Self = Self { factor: 1.0, offset: 0.0 };
+    pub const IDENTITY: Self = Self { factor: 1.0, offset: 0.0 };
 
-    pub(crate) fn of(self, value: f64) -> f64 {
+    /// Converts a value.
+    pub fn of(self, value: f64) -> f64 {
         self.factor * value + self.offset
+    }
+
+    /// The value that is converted to this one.
+    pub fn inverse_of(self, value: f64) -> f64 {
+        (value - self.offset) / self.factor
     }
 
     /// Applies another one first.

@@ -1,6 +1,6 @@
 //! Comparison of signals. Reference: `tests/references/comparison`, small signals with metrics computed by NumPy.
 
-use fmu_system::comparison::{Comparison, Samples, Tolerance, Tube};
+use fmu_system::comparison::{Comparison, Samples, Tube};
 use serde_json::Value;
 use std::path::Path;
 
@@ -19,10 +19,7 @@ fn all_metrics_of_the_reference_are_met() {
         let has = |key: &str| !case["options"][key].is_null();
         let comparison = Comparison {
             window: None,
-            tolerance: has("tolerance").then(|| Tolerance {
-                absolute: option("tolerance", "absolute"),
-                relative: option("tolerance", "relative"),
-            }),
+            tolerance: has("tolerance").then(|| ["absolute", "relative"].map(|part| option("tolerance", part))),
             tube: has("tube").then(|| Tube::Size(option("tube", "width"), option("tube", "height"))),
             max_shift: case["options"]["max_shift"].as_f64(),
         };

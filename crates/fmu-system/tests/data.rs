@@ -1,8 +1,9 @@
 //! Reading data files. The references in `tests/references/reader` are small files with the expected signals or error.
 
 use fmu_import::description::BaseUnit;
-use fmu_system::data::unit::{self, Target};
+use fmu_system::data::unit::Target;
 use fmu_system::data::{Channel, Duplicates, Encoding, Format, Offset, Table, TimeColumn, Trigger};
+use fmu_system::run::Linear;
 use serde_json::Value;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -202,7 +203,7 @@ fn units_are_converted_if_their_dimensions_agree() {
         assert!((found - expected).abs() <= 1e-12 * expected.abs(), "{value} {from} are {found} {to}, not {expected}");
     }
     let relative = Target { is_relative: true, ..Target::named("K") };
-    assert_eq!(relative.from("degC").unwrap(), unit::SAME);
+    assert_eq!(relative.from("degC").unwrap(), Linear::IDENTITY);
     for (from, to, expected) in [
         ("deg", "m", "`deg` and `m` measure different quantities"),
         ("Hz", "rad/s", "`Hz` and `rad/s` measure different quantities"),

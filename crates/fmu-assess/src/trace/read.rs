@@ -3,8 +3,9 @@
 use super::{Column, Trace};
 use crate::numerics::UNEVENNESS;
 use fmu_import::names::{similar, suggestion};
-use fmu_system::data::unit::{SAME, Target};
+use fmu_system::data::unit::Target;
 use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
+use fmu_system::run::Linear;
 use std::collections::BTreeMap;
 
 /// Longest gap over which values are interpolated, s.
@@ -116,7 +117,7 @@ impl Trace<'static> {
         for (name, signal, column) in wanted {
             let unit = reading.units.get(signal).map(String::as_str);
             let found = table.signal(&clock, &Channel { unit, ..Channel::new(name) }, &Target::named(column.unit))?;
-            if found.conversion != SAME {
+            if found.conversion != Linear::IDENTITY {
                 let factor = found.conversion.factor;
                 notes.push(format!("the column `{name}` is converted to {} (factor {factor:.9})", column.unit));
             }

@@ -73,29 +73,23 @@ impl Trial<'_> {
     }
 
     /// Handles an event; with `restores`, for a second time after the state was restored.
-    fn handle(
-        &self,
-        instance: &mut Instance,
-        time: f64,
-        restores: bool,
-        findings: &mut Vec<Finding>,
-    ) -> CheckResult<()> {
-        instance.begin_event()?;
+    fn handle(&self, fmu: &mut Instance, time: f64, restores: bool, findings: &mut Vec<Finding>) -> CheckResult<()> {
+        fmu.begin_event()?;
         if restores {
-            let saved = instance.save_state()?;
-            instance.update(time)?;
-            instance.restore_state(&saved)?;
-            instance.free_state(saved)?;
+            let saved = fmu.save_state()?;
+            fmu.update(time)?;
+            fmu.restore_state(&saved)?;
+            fmu.free_state(saved)?;
         }
         for _ in 0..MOST_ITERATIONS {
-            if !instance.update(time)? {
-                if findings.is_empty() && instance.is_event_needed(time, self.step) {
+            if !fmu.update(time)? {
+                if findings.is_empty() && fmu.is_event_needed(time, self.step) {
                     let message = format!("announces at {time} s a next event that is not after this time");
                     findings.push(Finding::error("fmi3UpdateDiscreteStates", message));
                 }
-                return instance.end_event();
+                return fmu.end_event();
             }
         }
-        Err(instance.endless(&[]))
+        Err(fmu.endless(&[]))
     }
 }

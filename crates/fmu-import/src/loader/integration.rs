@@ -297,20 +297,14 @@ impl Integration {
         Ok((at(high), self.evaluate(fmu, at(high))?))
     }
 
-    /// Handles an event at the present point and enters Continuous-Time Mode.
-    /// The clocks that are due tick.
-    fn event(
-        &mut self,
-        fmu: &mut Instance,
-        indicator: Option<usize>,
-        mut due: Vec<Reference>,
-    ) -> Result<(), CallError> {
+    /// Handles an event at the present point, at which the clocks in `due` tick, and enters Continuous-Time Mode.
+    fn event(&mut self, fmu: &mut Instance, crossed: Option<usize>, mut due: Vec<Reference>) -> Result<(), CallError> {
         let Self { point, nominals, events, .. } = self;
         *events += 1;
         if *events > MOST_EVENTS {
             let name =
                 |i: usize| self.exchange.indicators.get(i).map_or(format!("{}", i + 1), |name| format!("`{name}`"));
-            let cause = indicator.map_or("no event indicator".to_owned(), |i| format!("event indicator {}", name(i)));
+            let cause = crossed.map_or("no event indicator".to_owned(), |i| format!("event indicator {}", name(i)));
             let reason = format!(
                 "more than {MOST_EVENTS} events between {} s and {} s, the last of {cause}; let the model come to rest, or use \
                  shorter steps",

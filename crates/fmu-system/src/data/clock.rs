@@ -1,7 +1,8 @@
 //! Converts cells to signals: times, and values at these times.
 
-use super::unit::{self, Conversion, Target};
+use super::unit::Target;
 use super::{DataError, Mistake, REPORTED, Table};
+use crate::run::Linear;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -113,7 +114,7 @@ pub struct Signal {
     /// Number of missing cells.
     pub missing: usize,
     /// Conversion of the values in the file.
-    pub conversion: Conversion,
+    pub conversion: Linear,
 }
 
 impl Clock {
@@ -245,12 +246,13 @@ impl Table {
         let name = channel.column;
         let column = self.numbers(name)?;
         let conversion = match channel.unit.or(column.unit.as_deref()) {
-            None => unit::SAME,
+            None => Linear::IDENTITY,
             Some(unit) => target.from(unit).map_err(|(message, help)| {
                 DataError::new(&self.file, format!("column `{name}`: {message}"), Some(help))
             })?,
         };
-        let is_plain = channel.scale == 1.0 && channel.offset == 0.0 && channel.sign == 1.0 && conversion == unit::SAME;
+        let is_plain =
+            channel.scale == 1.0 && channel.offset == 0.0 && channel.sign == 1.0 && conversion == Linear::IDENTITY;
         let value = |cell: f64| {
             if is_plain {
                 return cell;

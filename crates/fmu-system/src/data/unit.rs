@@ -179,18 +179,6 @@ pub struct Target {
     pub is_relative: bool,
 }
 
-/// Conversion from another unit to the target unit: factor * value + offset.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Conversion {
-    /// Factor.
-    pub factor: f64,
-    /// Offset.
-    pub offset: f64,
-}
-
-/// No conversion.
-pub const SAME: Conversion = Conversion { factor: 1.0, offset: 0.0 };
-
 impl Target {
     /// A unit by its name.
     pub fn named(name: &str) -> Self {
@@ -218,21 +206,21 @@ impl Target {
     ///
     /// # Errors
     /// The unit is unknown or has another dimension: message and help.
-    pub fn from(&self, unit: &str) -> Result<Conversion, (String, String)> {
-        let Some(own) = self.name.as_deref().filter(|own| *own != unit) else { return Ok(SAME) };
+    pub fn from(&self, unit: &str) -> Result<Linear, (String, String)> {
+        let Some(own) = self.name.as_deref().filter(|own| *own != unit) else { return Ok(Linear::IDENTITY) };
         let offset = |offset: f64| if self.is_relative { 0.0 } else { offset };
         if let (Some(from), Some(to)) = (find(unit), self.base) {
             if from.exponents != to.exponents {
                 let help = "correct the unit in the file, or choose another column".to_owned();
                 return Err((format!("`{unit}` and `{own}` measure different quantities"), help));
             }
-            return Ok(Conversion {
+            return Ok(Linear {
                 factor: from.factor / to.factor,
                 offset: offset((from.offset - to.offset) / to.factor),
             });
         }
         if let Some(display) = self.display.iter().find(|display| display.name == unit) {
-            return Ok(Conversion {
+            return Ok(Linear {
                 factor: 1.0 / display.factor,
                 offset: offset((0.0 - display.offset) / display.factor),
             });
