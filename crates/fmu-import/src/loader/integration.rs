@@ -368,7 +368,7 @@ impl Integration {
             if now >= end {
                 return Ok(());
             }
-            let target = due.into_iter().chain(fmu.next_tick(now, end, step)).fold(end, f64::min);
+            let target = due.into_iter().chain(fmu.next_tick(now, end, step)).reduce(f64::min).unwrap_or(end);
             let mut limit = target - self.point.time;
             let (time, crossed) = loop {
                 let located =
