@@ -537,10 +537,10 @@ fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
     Ok(())
 }
 
-/// What a bar that counts steps shows behind it.
+/// The text after a progress bar that counts steps.
 pub(crate) const OF_STEPS: &str = "{percent:>3} % {elapsed} (ready in {eta})";
 
-/// A bar between a message and `shown`, on a terminal only, and what prints a line above it.
+/// A progress bar between `message` and `shown`, on a terminal only, and the function that prints a line above it.
 pub(crate) fn progress_bar(message: &str, shown: &str) -> miette::Result<(ProgressBar, Lines)> {
     let style = ProgressStyle::with_template(&format!("{{msg}} [{{bar:40}}] {shown}")).into_diagnostic()?;
     let bar = ProgressBar::no_length().with_style(style.progress_chars("=> "));

@@ -172,8 +172,8 @@ fn shift(t: &[f64], y: &[f64], s: &[f64], max_shift: f64) -> Option<f64> {
     Some(step * (best as f64 - most as f64 + refined))
 }
 
-/// How far each sample of the simulation is outside the tube around the reference; not above 0 inside. The edges of the
-/// tube are the extremes of the reference, linear between its samples, within the half width, plus the half height.
+/// Distance of each sample of the simulation from the tube around the reference; 0 or negative inside it. The edges of
+/// the tube are the extremes of the reference, linear between its samples, within the half width, plus the half height.
 fn excess(reference: Samples<'_>, s: &[f64], width: f64, height: f64) -> Vec<f64> {
     let upper = highest(reference, width);
     let mirrored: Vec<f64> = reference.values.iter().map(|value| -value).collect();

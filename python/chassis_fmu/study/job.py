@@ -74,7 +74,7 @@ class Job:
         choices = list(itertools.product(*(f.values or () for f in factors)))
         keep = any(f.keep_parameters for f in factors)
         self._factors = factors
-        # What opens the scenario of each variant; small, because workers of a cluster get it.
+        # For each variant, the function that opens its scenario; small, because a cluster sends it to its workers.
         self.sources = [
             functools.partial(
                 open_scenario,

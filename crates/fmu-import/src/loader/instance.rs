@@ -86,7 +86,7 @@ pub struct Instance {
 // exclusive access. FMI requires that calls to an instance are sequential, not that they come from one thread.
 unsafe impl Send for Instance {}
 
-/// What an instance uses in co-simulation of FMI 3.0.
+/// Optional features of co-simulation in FMI 3.0 that an instance uses.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Uses<'a> {
     /// Event Mode, also without clocks.
