@@ -1,6 +1,7 @@
 //! Event Mode in co-simulation of FMI 3.0, of FMUs without clocks (FMI 3.0.2, sections 2.3.5 and 4.2.1).
 
 use super::experiment::ends_simulation;
+use super::updates::SLACK;
 use super::{CheckResult, Report, Trial, found};
 use crate::Finding;
 use fmu_import::loader::{CallProblem, Instance, MOST_ITERATIONS};
@@ -60,7 +61,7 @@ impl Trial<'_> {
                 if instance.wants_event() || instance.is_event_needed(time, self.step) {
                     self.handle(&mut instance, time, restores, findings)?;
                 }
-                if time >= end {
+                if time >= end - SLACK * self.step {
                     break;
                 }
                 if event == MOST {

@@ -7,7 +7,7 @@ use fmu_import::description::{Causality, DataType, Variable};
 use fmu_import::loader::{CallProblem, Instance, Update};
 
 /// Slack for times, in steps: FMUs add up step sizes, which are rounded.
-const SLACK: f64 = 1e-6;
+pub(super) const SLACK: f64 = 1e-6;
 /// Length of the step that returns early, in communication steps.
 const LONG: f64 = 10.0;
 /// Maximum number of variables that are read in an update.
